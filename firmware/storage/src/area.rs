@@ -1,4 +1,4 @@
-//! The area of flash and its two slots.
+//! Flash area of the storage, with its two slots.
 
 use core::ops::Range;
 
@@ -11,13 +11,13 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::Error;
 use crate::item::{Item, KEY, Key, WORK};
 
-/// Bytes that are looked at in one go to see whether a sector is erased.
+/// Number of bytes read at a time to check whether a sector is erased.
 const LOOK: usize = 256;
 
-/// Sectors in a slot, at least: the map always keeps one erased.
+/// Minimum number of sectors of a slot: the map always keeps one erased.
 const LEAST_SECTORS: u32 = 2;
 
-/// One half of the area. A save goes to the slot that does not hold what is stored.
+/// One half of the area. A save goes to the slot that does not hold the stored set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Slot {
     First,
@@ -33,20 +33,20 @@ impl Slot {
     }
 }
 
-/// The area.
+/// Flash area of the storage.
 #[derive(Debug)]
 pub(crate) struct Area<S> {
     flash: S,
-    /// Where the first slot begins.
+    /// Start address of the first slot.
     start: u32,
-    /// Bytes of a slot.
+    /// Size of a slot in bytes.
     slot: u32,
-    /// Sectors of a slot.
+    /// Number of sectors of a slot.
     sectors: u32,
 }
 
 impl<S: NorFlash> Area<S> {
-    /// The longest word that a look is a multiple of, and the bytes of a sector.
+    /// Bytes of a sector; checks that sector, read block and word size divide each other.
     const SECTOR: u32 = {
         assert!(LOOK.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(LOOK));
         S::ERASE_SIZE as u32
@@ -64,7 +64,7 @@ impl<S: NorFlash> Area<S> {
         let is_aligned = range.start.is_multiple_of(Self::SECTOR) && area.slot * 2 == size;
         let is_within = range.end as usize <= area.flash.capacity();
         let is_long_enough = sectors >= LEAST_SECTORS;
-        // The map refuses what it cannot work with; words that are too long, among others.
+        // The map refuses unsuitable ranges and too long words.
         let is_accepted = MapConfig::<Window<'_, S>>::try_new(0..area.slot).is_ok();
         if is_aligned && is_within && is_long_enough && is_accepted {
             Ok(area)
@@ -80,8 +80,8 @@ impl<S: NorFlash> Area<S> {
         }
     }
 
-    /// The slot as the map sees it, turned so that the map begins with another sector in every
-    /// generation: all sectors wear alike.
+    /// Returns the map of a slot, rotated so that it starts with another sector in every generation: all
+    /// sectors wear equally.
     fn map(&mut self, slot: Slot, generation: u32) -> Result<Map<'_, S>, Error<S::Error>> {
         let start = self.start_of(slot);
         // Every other generation goes to this slot.
@@ -97,15 +97,15 @@ impl<S: NorFlash> Area<S> {
         Ok(MapStorage::new(window, config, Cache::new_uncached()))
     }
 
-    /// Shows the items of a slot in the order in which they were written, with the generation of
-    /// their save, until `show` returns false. False if the slot cannot be read to its end. Writes
-    /// nothing. What is damaged is passed by, so the items have to be summed up.
+    /// Passes the items of a slot to `show` in the order in which they were written, with the generation
+    /// of their save, until `show` returns `false`. Returns `false` if the slot cannot be read to its
+    /// end. Writes nothing. Damaged items are skipped, so a checksum over the items is needed.
     pub(crate) async fn read(
         &mut self,
         slot: Slot,
         show: &mut dyn FnMut(u32, Item) -> bool,
     ) -> Result<bool, Error<S::Error>> {
-        // The map finds its first sector wherever that lies.
+        // The map finds its first sector at any position.
         let mut map = self.map(slot, 0)?;
         let mut work = [0; WORK];
         let mut items = match map.fetch_all_items(&mut work).await {
@@ -127,7 +127,7 @@ impl<S: NorFlash> Area<S> {
         }
     }
 
-    /// Writes an item behind those that a slot holds.
+    /// Writes an item after the existing items of a slot.
     pub(crate) async fn append(
         &mut self,
         slot: Slot,
@@ -144,8 +144,7 @@ impl<S: NorFlash> Area<S> {
                 value: WindowError::Flash(error),
                 ..
             } => Error::Flash(error),
-            // To erase is what the map resorts to when a slot is full, and its search for room goes on
-            // where garbage is.
+            // The map erases when a slot is full, and its search for space does not end in garbage.
             MapError::Storage { .. } | MapError::FullStorage | MapError::ItemTooBig => Error::Full,
             _ => Error::NotKept,
         })
@@ -182,7 +181,7 @@ impl<S: NorFlash> Area<S> {
     }
 }
 
-/// What the map found it cannot read is one thing, a flash that does not answer another.
+/// Distinguishes data that the map cannot read from a flash that does not answer.
 fn unreadable<E>(error: MapError<WindowError<E>>) -> Result<bool, Error<E>> {
     match error {
         MapError::Storage {
@@ -195,19 +194,18 @@ fn unreadable<E>(error: MapError<WindowError<E>>) -> Result<bool, Error<E>> {
 
 type Map<'a, S> = MapStorage<Key, Window<'a, S>, Cache<Uncached, Uncached, Uncached, Key>>;
 
-/// A slot as a flash of its own, which the map may read and write and never erase. It would do so to
-/// reuse a sector, and first of all to repair what it takes for a cut-off operation of its own, and
-/// could destroy what is stored.
+/// A slot as a separate flash that the map may read and write but never erase. The map erases to reuse a
+/// sector, and to repair an apparently interrupted operation of its own, which could destroy the stored
+/// set.
 struct Window<'a, S> {
     flash: &'a mut S,
-    /// Where the slot begins, and its bytes.
+    /// Start address of the slot, and its size.
     start: u32,
     size: u32,
-    /// Where in the slot the window's address 0 lies.
+    /// Offset of the window's address 0 in the slot.
     turn: u32,
-    /// How often it may still be read: four times for each of its words. The map looks at each word
-    /// once or twice where its own items are; in garbage that resembles items, a search for room begins
-    /// anew at most of them.
+    /// Remaining number of reads: four for each word. The map reads each word of its own items once or
+    /// twice; in garbage that resembles items, a search for space restarts at most of them.
     reads_left: u32,
 }
 
@@ -219,13 +217,13 @@ impl<S> Window<'_, S> {
     }
 }
 
-/// What a window fails of.
+/// Error of a window.
 #[derive(Debug)]
 enum WindowError<E> {
     Flash(E),
     /// The map tried to erase.
     Erases,
-    /// The map goes on reading.
+    /// The map exceeded the number of reads.
     Endless,
 }
 

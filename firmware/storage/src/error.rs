@@ -1,52 +1,52 @@
-//! What reading and writing the storage fails of.
+//! Errors of reading and writing the storage.
 
 use core::fmt;
 
 use palpate_wire::Invalid;
 
-/// Why the storage did not do what was asked for. What was stored before is still stored, but for
-/// [`Flash`](Self::Flash) and [`NotKept`](Self::NotKept) at the very end of a save: look at
-/// [`Store::contents`](crate::Store::contents), which is taken from the flash anew.
+/// Error of a storage operation. The previously stored set remains, except after [`Flash`](Self::Flash)
+/// and [`NotKept`](Self::NotKept) at the very end of a save: check
+/// [`Store::contents`](crate::Store::contents), which reads the flash again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Error<E> {
-    /// The flash driver failed; its own error says of what.
+    /// The flash driver failed; its own error gives the cause.
     Flash(E),
-    /// The range given is not aligned to sectors, is not two slots of two sectors at least, or lies
-    /// beyond the flash: correct the memory map.
+    /// The range is not aligned to sectors, is smaller than two slots of two sectors, or exceeds the
+    /// flash: correct the memory map.
     Range,
-    /// The flash does not hold what was written: save again; if it stays so, the flash is worn out.
+    /// The flash does not contain the written data: save again; if it persists, the flash is worn out.
     NotKept,
-    /// What is stored is not what was saved: set everything anew and save it, or erase.
+    /// The stored set differs from the saved one: set everything again and save it, or erase.
     Damaged,
-    /// A later firmware stored it in a format that this one does not know: update the firmware, or
+    /// A later firmware stored the set in a format that this one does not know: update the firmware, or
     /// erase.
     Newer,
-    /// The items do not fit a slot: leave out what no sensor needs.
+    /// The items exceed a slot: omit parts that no sensor needs.
     Full,
-    /// All 2^32 - 1 generations are used up: no save is possible any more.
+    /// All 2^32 - 1 generations are used: no further save is possible.
     Exhausted,
-    /// The command sets nothing, so there is nothing of it to store.
+    /// The command sets no stored value.
     NotASetter {
         /// Kind of the command.
         kind: u8,
     },
-    /// The command, or what is stored, has a value beyond its limits: correct it.
+    /// The command or the stored set has a value beyond its limits: correct it.
     Invalid(Invalid),
-    /// The command belongs before one that was given already: give the settings first, then each
-    /// part in the order of its number, converter, channel and first knot, and nothing twice.
+    /// The command must precede an earlier one: put the settings first, then each part in the order of
+    /// its number, converter, channel and first knot, each once.
     OutOfOrder {
         /// Kind of the command.
         kind: u8,
     },
-    /// An item has a number and a version that this firmware knows, and a value that it cannot
-    /// read: the firmware that stored it is defective. Update the firmware, or erase.
+    /// An item has a known number and version but an unreadable value: the firmware that stored it is
+    /// defective. Update the firmware, or erase.
     Unreadable {
         /// Number of the item's kind.
         number: u8,
     },
-    /// No save has begun, or it ended with an error: begin one.
+    /// No save is in progress, or it ended with an error: begin one.
     NotBegun,
-    /// A save has begun: commit or abandon it first.
+    /// A save is in progress: commit or abandon it first.
     Saving,
 }
 

@@ -1,4 +1,4 @@
-//! Items: what is stored under one key.
+//! Items: the values stored under one key each.
 
 use heapless::Vec;
 use palpate_wire::crc32;
@@ -10,37 +10,37 @@ pub(crate) const KEY: usize = 3;
 /// Bytes before an item's payload: key, version and generation.
 const HEAD: usize = KEY + 1 + 4;
 
-/// Greatest size of an item in bytes, in every version of the format: its size is stored in one
-/// byte of a [batch](crate::reader).
+/// Maximum size of an item in bytes, in every version of the format: a [batch](crate::reader) stores it
+/// in one byte.
 pub(crate) const MAX_ITEM: usize = 255;
 
-/// Greatest payload of an item in bytes.
+/// Maximum payload of an item in bytes.
 pub(crate) const MAX_PAYLOAD: usize = MAX_ITEM - HEAD;
 
-/// Bytes for the map to work with: the longest item, padded to the longest word that the map
-/// supports (32 bytes, `MAX_WORD_SIZE` of sequential-storage).
+/// Working memory of the map in bytes: the longest item, padded to the longest supported word (32 bytes,
+/// `MAX_WORD_SIZE` of sequential-storage).
 pub(crate) const WORK: usize = MAX_ITEM.next_multiple_of(32);
 
-/// What an item is. Items are stored and read in the order of their keys.
+/// Identity of an item. Items are stored and read in the order of their keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
-    /// Number of the kind: 1 for the settings, then those of [`parts`](crate::parts).
+    /// Number of the kind: 1 for settings, the others as in [`parts`](crate::parts).
     pub(crate) number: u8,
-    /// Which of this kind: the number of a setting, converter and channel of a part.
+    /// Item within its kind: number of a setting, or converter and channel of a part.
     pub(crate) place: u8,
-    /// 0 for what is one item, 1 and up for chunks.
+    /// 0 for a single item, 1 and up for chunks.
     pub(crate) index: u8,
 }
 
 impl Key {
-    /// Above every item's.
+    /// Key after all items.
     pub(crate) const LAST: Self = Self {
         number: u8::MAX,
         place: u8::MAX,
         index: u8::MAX,
     };
 
-    /// Whether two items belong to one setting or one part, so that a new one replaces the other.
+    /// Returns whether two items belong to one setting or part, so that a new one replaces the other.
     pub(crate) const fn is_of_one_part(self, other: Self) -> bool {
         self.number == other.number && self.place == other.place
     }
@@ -65,9 +65,9 @@ impl map::Key for Key {
         Ok(KEY)
     }
 
-    /// Gives 0 for the length, so that the map returns the key within the value. The map takes the
-    /// value from behind the key, and panics if an item in the flash is shorter than that; so the
-    /// key is taken off by [`Item::read`].
+    /// Returns 0 as the length, so that the map returns the key within the value. The map takes the
+    /// value from after the key, and panics if an item in flash is shorter than the key; so
+    /// [`Item::read`] splits the key off.
     fn deserialize_from(buffer: &[u8]) -> Result<(Self, usize), SerializationError> {
         let key = buffer.first_chunk::<KEY>();
         let key = key.ok_or(SerializationError::BufferTooSmall)?;
@@ -75,7 +75,7 @@ impl map::Key for Key {
     }
 }
 
-/// An item.
+/// One stored value with its key.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Item {
     /// What it is.
@@ -87,8 +87,8 @@ pub(crate) struct Item {
 }
 
 impl Item {
-    /// Takes an item from the flash apart, with the generation of its save. `None` if it is too
-    /// short to be one.
+    /// Parses an item read from flash; also returns the generation of its save. `None` if it is too
+    /// short.
     pub(crate) fn read(bytes: &[u8]) -> Option<(u32, Self)> {
         let (key, rest) = bytes.split_first_chunk::<KEY>()?;
         let (version, rest) = rest.split_first()?;
@@ -101,7 +101,7 @@ impl Item {
         Some((u32::from_le_bytes(*generation), item))
     }
 
-    /// The item as it lies in the flash.
+    /// Returns the item as it is stored in flash.
     pub(crate) fn bytes(&self, generation: u32) -> Vec<u8, MAX_ITEM> {
         let generation = generation.to_le_bytes();
         let parts: [&[u8]; 4] = [
@@ -113,7 +113,7 @@ impl Item {
         concatenated(parts)
     }
 
-    /// CRC-32 over key, version and payload, going on from that of the items before.
+    /// Returns the CRC-32 over key, version and payload, continuing that of the previous items.
     pub(crate) fn digest(&self, before: u32) -> u32 {
         let parts: [&[u8]; 4] = [
             &before.to_le_bytes(),
@@ -125,12 +125,12 @@ impl Item {
     }
 }
 
-/// One behind the other. They fit: a payload is [`MAX_PAYLOAD`] bytes at most, and the others are
-/// [`HEAD`] in all.
+/// Concatenates the parts. They fit: a payload is at most [`MAX_PAYLOAD`] bytes, and the others are
+/// [`HEAD`] in total.
 fn concatenated<const N: usize>(parts: [&[u8]; 4]) -> Vec<u8, N> {
     let mut all = Vec::new();
     for part in parts {
-        // `collect` would panic where they did not.
+        // `collect` would panic if they did not fit.
         let _ = all.extend_from_slice(part);
     }
     all

@@ -25,7 +25,7 @@ mod store;
 pub use error::Error;
 pub use store::{Contents, Set, Store};
 
-/// Whether this firmware knows an item of some key and version.
+/// Returns whether this firmware knows an item with this key and version.
 const fn knows(key: item::Key, version: u8) -> bool {
     match key.number {
         settings::NUMBER => key.index == 0 && settings::knows(key.place, version),

@@ -1,4 +1,4 @@
-//! The parts of a calibration as items: which command is stored under which key.
+//! Calibration parts as items: the key of each command.
 
 use palpate_wire::Command;
 use palpate_wire::command::{
@@ -9,17 +9,16 @@ use palpate_wire::command::{
 use crate::item::{Item, Key};
 use crate::payload;
 
-/// Defines how each kind of part is stored: its number, the version of its layout, `whole` or
-/// `chunk`, the command that sets it, and its place. A number is never used again for another kind,
-/// and a version rises with every change of the payload's layout.
+/// Defines the storage of each kind of part: number, layout version, `whole` or `chunk`, the command
+/// that sets it, and its place. A number is never reused for another kind, and the version rises with
+/// every change of the payload's layout.
 ///
-/// Parts are read and set in the order of their numbers. Two kinds that take each other's place
-/// have the same number, so that a save of one replaces the other; then one is whole and one is
-/// chunks.
+/// Parts are read and set in the order of their numbers. Two kinds that replace each other share a
+/// number, so that a save of one replaces the other; one of them is whole and the other is in chunks.
 macro_rules! parts {
     ($($number:literal, $version:literal, $extent:ident $setter:ident($payload:ident),
         $of:ident => $place:expr;)+) => {
-        /// The key of what a command sets; `None` if it sets no part.
+        /// Returns the key of a command's part; `None` if it sets no part.
         fn key(command: &Command) -> Option<Key> {
             Some(match command {
                 $(Command::$setter($of) => Key {
@@ -31,7 +30,7 @@ macro_rules! parts {
             })
         }
 
-        /// What a command sets as an item; `None` if it sets no part.
+        /// Returns a command as an item; `None` if it sets no part.
         pub(crate) fn item(command: &Command) -> Option<Item> {
             let (version, payload) = match command {
                 $(Command::$setter(part) => ($version, payload::write(part)),)+
@@ -40,7 +39,7 @@ macro_rules! parts {
             Some(Item { key: key(command)?, version, payload: payload? })
         }
 
-        /// Whether this firmware knows a part and its version.
+        /// Returns whether this firmware knows a part and its version.
         pub(crate) const fn knows(key: Key, version: u8) -> bool {
             match (key.number, key.index, version) {
                 $(($number, indices!($extent), $version) => true,)+
@@ -48,8 +47,8 @@ macro_rules! parts {
             }
         }
 
-        /// The command that sets what an item holds. `None` if its payload cannot be read, or is
-        /// that of another item.
+        /// Returns the command that sets the part in an item. `None` if its payload is unreadable or
+        /// belongs to another key.
         pub(crate) fn command(item: &Item) -> Option<Command> {
             let command = match (item.key.number, item.key.index, item.version) {
                 $(($number, indices!($extent), $version) => {
@@ -62,7 +61,7 @@ macro_rules! parts {
     };
 }
 
-/// Index in the key: a chunk has that of its first knot, counted from 1.
+/// Index in the key; a chunk has that of its first knot, counted from 1.
 macro_rules! index {
     (whole, $of:ident) => {
         0
@@ -72,7 +71,7 @@ macro_rules! index {
     };
 }
 
-/// The indices that a part may have.
+/// Valid indices of a part.
 macro_rules! indices {
     (whole) => {
         0
@@ -82,10 +81,10 @@ macro_rules! indices {
     };
 }
 
-/// Place of what there is once.
+/// Place of a part that exists once.
 const ONLY: u8 = 0;
 
-/// Place of a channel of a converter.
+/// Returns the place of a channel of a converter.
 const fn channel(sensor: u8, channel: u8) -> u8 {
     sensor << 4 | channel
 }
@@ -102,6 +101,6 @@ parts! {
     9, 1, whole SetTemperatureEffect(TemperatureEffect), _of => ONLY;
     10, 1, whole SetCurrentCorrection(CurrentCorrection), _of => ONLY;
     11, 1, whole SetTemperatureCoefficients(TemperatureCoefficients), _of => ONLY;
-    // The last: it is checked against all others, also those that are still to come.
+    // Last, since it is checked against all others, including those of later versions.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;
 }

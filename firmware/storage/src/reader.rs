@@ -1,4 +1,4 @@
-//! Reads the items of a set one at a time.
+//! Reader of a set, item by item.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
@@ -9,24 +9,24 @@ use crate::item::{Item, MAX_ITEM};
 use crate::scan::Located;
 use crate::seal::SealCopy;
 
-/// Bytes that are kept of what one pass over a slot brings: the map's own iterator cannot be kept
-/// from one call to the next, and each item would need a pass of its own. A set of 2 KiB takes
-/// five passes; it has to hold the longest item.
+/// Buffer size in bytes for items of one pass over a slot: the map's own iterator cannot be kept between
+/// calls, and each item would need a separate pass. A set of 2 KiB takes five passes; the buffer must
+/// hold the longest item.
 const BATCH: usize = 512;
 
-/// Reads the items of a set in the order of their keys.
+/// Reader of a set's items in the order of their keys.
 #[derive(Debug)]
 pub(crate) struct Reader {
-    /// Items that were passed by.
+    /// Number of items already passed.
     passed: u16,
-    /// Where in the batch the next item begins.
+    /// Offset of the next item in the batch.
     at: usize,
-    /// Items with their generation, each behind its size in one byte.
+    /// Items with their generation, each preceded by its size in one byte.
     batch: Vec<u8, BATCH>,
 }
 
 impl Reader {
-    /// Before the first item.
+    /// Creates a reader before the first item.
     pub(crate) const fn new() -> Self {
         const { assert!(BATCH > MAX_ITEM) };
         Self {
@@ -41,7 +41,7 @@ impl Reader {
         *self = Self::new();
     }
 
-    /// The next item, which stays the next; `None` behind the last.
+    /// Returns the next item without advancing; `None` after the last.
     pub(crate) async fn peek<S: NorFlash>(
         &mut self,
         area: &mut Area<S>,
@@ -58,14 +58,14 @@ impl Reader {
         item.map(|(_, item)| Some(item)).ok_or(Error::Damaged)
     }
 
-    /// Passes by the next item.
+    /// Advances past the next item.
     pub(crate) fn advance(&mut self) {
         let bytes = self.batch.get(self.at..).and_then(first);
         self.at += 1 + bytes.map_or(0, <[u8]>::len);
         self.passed = self.passed.saturating_add(1);
     }
 
-    /// Fills the batch with the items from the next one on.
+    /// Fills the batch, starting with the next item.
     async fn fetch<S: NorFlash>(
         &mut self,
         area: &mut Area<S>,
@@ -90,19 +90,19 @@ impl Reader {
     }
 }
 
-/// The first item of some bytes, which begin with its size.
+/// Returns the first item of a batch, which starts with its size.
 fn first(bytes: &[u8]) -> Option<&[u8]> {
     let (size, rest) = bytes.split_first()?;
     rest.get(..usize::from(*size))
 }
 
-/// Puts an item into the batch; false if it does not fit.
+/// Adds an item to the batch; `false` if it does not fit.
 fn push(batch: &mut Vec<u8, BATCH>, generation: u32, item: &Item) -> bool {
     let bytes = item.bytes(generation);
     if batch.len() + 1 + bytes.len() > batch.capacity() {
         return false;
     }
-    // It fits; an item is no longer than its size can say.
+    // It fits, and the size of an item fits into one byte.
     let _ = batch.push(bytes.len() as u8);
     batch.extend_from_slice(&bytes).is_ok()
 }

@@ -1,4 +1,4 @@
-//! Saving: what is stored is replaced at one stroke.
+//! Saving: replaces the stored set atomically.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use palpate_wire::{Command, ConfigurationCrc, Message};
@@ -9,18 +9,18 @@ use crate::scan::{Located, Scan};
 use crate::seal::{Seal, SealCopy, Sum};
 use crate::{Contents, Error, Store, knows, parts, settings};
 
-/// A save that has begun.
+/// Save in progress.
 pub(crate) struct Save {
     slot: Slot,
     generation: u32,
-    /// What is replaced.
+    /// The stored set that is replaced.
     stored: Option<Located>,
-    /// The items so far.
+    /// Number of items so far.
     items: u16,
     digest: u32,
-    /// Whether they are written. Not as long as they are the stored ones.
+    /// The items are being written. `false` as long as they equal the stored ones.
     is_writing: bool,
-    /// Key of the last item that the caller put.
+    /// Key of the last item that the caller has put.
     last: Option<Key>,
     configuration_crc: ConfigurationCrc,
 }
@@ -48,8 +48,8 @@ impl Save {
         }
     }
 
-    /// Whether a stored item that the caller did not put stays: if this firmware does not know it,
-    /// and puts nothing in its place.
+    /// Returns whether a stored item that the caller did not put remains: if this firmware does not know
+    /// it and the save does not replace it.
     fn keeps(&self, stored: &Item, next: Key) -> bool {
         let is_replaced = |key: Key| key.is_of_one_part(stored.key);
         !knows(stored.key, stored.version)
@@ -59,12 +59,12 @@ impl Save {
 }
 
 impl<S: NorFlash> Store<S> {
-    /// Begins a save, which replaces all that is stored, but for items that this firmware does not
-    /// know. Does not touch the flash. Ends a save that was begun before.
+    /// Begins a save, which replaces the stored set except for items that this firmware does not know.
+    /// Does not access the flash. Abandons a save in progress.
     ///
     /// # Errors
     ///
-    /// [`Error::Newer`] if a later firmware stored something in another format: it would be lost.
+    /// [`Error::Newer`] if a later firmware stored a set in another format, which would be lost.
     /// [`Error::Exhausted`].
     pub fn begin(&mut self) -> Result<(), Error<S::Error>> {
         self.abandon();
@@ -84,22 +84,22 @@ impl<S: NorFlash> Store<S> {
         Ok(())
     }
 
-    /// Ends a save that was begun; what was stored stays.
+    /// Abandons a save in progress; the stored set remains.
     pub fn abandon(&mut self) {
         self.save = None;
         self.rewind();
     }
 
-    /// Adds what a command sets: settings first, then the parts in the order of
-    /// [`configuration_crc`](palpate_wire::configuration_crc). Writes nothing as long as all is as
-    /// it is stored. With the first difference it erases the sectors that the last save but one took,
-    /// and writes what it has been given so far.
+    /// Adds a command: settings first, then the parts in the order of
+    /// [`configuration_crc`](palpate_wire::configuration_crc). Writes nothing as long as all items equal
+    /// the stored ones. At the first difference it erases the sectors of the last save but one and
+    /// writes all items so far.
     ///
     /// # Errors
     ///
     /// [`Error::NotBegun`], [`Error::NotASetter`], [`Error::Invalid`], [`Error::OutOfOrder`],
     /// [`Error::Full`], [`Error::Flash`], and [`Error::Damaged`] if the flash has changed since it was
-    /// opened. Each of them ends the save; what was stored stays.
+    /// opened. Each of them ends the save; the stored set remains.
     pub async fn put(&mut self, command: &Command) -> Result<(), Error<S::Error>> {
         let result = self.put_all(command).await;
         if result.is_err() {
@@ -108,13 +108,15 @@ impl<S: NorFlash> Store<S> {
         result
     }
 
-    /// Ends a save: from now on it is what is stored, as a whole. True if that changed anything.
+    /// Completes a save, which makes it the stored set as a whole. Returns `true` if that changed the
+    /// stored set.
     ///
     /// # Errors
     ///
     /// [`Error::NotBegun`], [`Error::NotKept`], [`Error::Full`], [`Error::Flash`] and
-    /// [`Error::Damaged`]. What was stored stays, unless the flash fails after the seal was written:
-    /// [`contents`](Self::contents) says what it is, or, after [`Error::Flash`], opening anew.
+    /// [`Error::Damaged`]. The previous set remains, unless the flash fails after the seal was written:
+    /// [`contents`](Self::contents) then returns the stored set or, after [`Error::Flash`], opening the
+    /// storage again does.
     pub async fn commit(&mut self) -> Result<bool, Error<S::Error>> {
         let result = self.commit_all().await;
         self.abandon();
@@ -179,8 +181,8 @@ impl<S: NorFlash> Store<S> {
         is_kept.then_some(true).ok_or(Error::NotKept)
     }
 
-    /// Writes a seal behind the items of a slot, and says so in the other slot too. From the first
-    /// copy on the save is what is stored.
+    /// Writes a seal after the items of a slot, and a copy in the other slot. From the first copy on,
+    /// the save is the stored set.
     pub(crate) async fn seal(
         &mut self,
         slot: Slot,
@@ -199,7 +201,7 @@ impl<S: NorFlash> Store<S> {
         }
     }
 
-    /// The next of the items that are stored.
+    /// Returns the next item of the stored set.
     async fn stored_item(&mut self) -> Result<Option<Item>, Error<S::Error>> {
         match self.save.as_ref().and_then(|save| save.stored) {
             Some(set) => self.reader.peek(&mut self.area, &set).await,
@@ -207,7 +209,7 @@ impl<S: NorFlash> Store<S> {
         }
     }
 
-    /// Passes the stored items before a key: keeps those that stay, drops the others.
+    /// Passes the stored items before a key: keeps those that remain, drops the others.
     async fn pass_up_to(&mut self, key: Key) -> Result<(), Error<S::Error>> {
         while let Some(stored) = self.stored_item().await?
             && stored.key < key
@@ -224,7 +226,8 @@ impl<S: NorFlash> Store<S> {
         Ok(())
     }
 
-    /// From here on the new set differs from the stored one. Writes what they have in common.
+    /// Starts writing, since the new set differs from the stored one from here on. Writes their common
+    /// items first.
     async fn write_from_here(&mut self) -> Result<(), Error<S::Error>> {
         let save = self.save.as_mut().ok_or(Error::NotBegun)?;
         if core::mem::replace(&mut save.is_writing, true) {

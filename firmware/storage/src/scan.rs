@@ -1,4 +1,4 @@
-//! What a slot holds, and what that says of the whole area.
+//! Scan of the slots and evaluation of the whole area.
 
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -7,26 +7,26 @@ use crate::item::Item;
 use crate::seal::{Seal, SealCopy, Sum};
 use crate::{Contents, Error, Set, knows};
 
-/// What one pass over a slot finds.
+/// Result of one pass over a slot.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Scan {
-    /// The map cannot read it to its end.
+    /// The map cannot read the slot to its end.
     is_unreadable: bool,
-    /// Latest generation of its items; 0 if it has none.
+    /// Latest generation of its items; 0 without items.
     generation: u32,
-    /// Of that generation: how many items there are, and how many this firmware does not know.
+    /// Items of that generation: their number, and the number that this firmware does not know.
     items: u16,
     unknown: u16,
-    /// CRC-32 over them.
+    /// CRC-32 over the items.
     digest: u32,
-    /// The seal behind them.
+    /// Seal after the items.
     seal: Option<Seal>,
-    /// The seal of what the other slot holds.
+    /// Copy of the other slot's seal.
     abroad: Option<Seal>,
 }
 
 impl Scan {
-    /// Looks through a slot.
+    /// Reads a slot.
     pub(crate) async fn of<S: NorFlash>(
         area: &mut Area<S>,
         slot: Slot,
@@ -71,13 +71,13 @@ impl Scan {
         }
     }
 
-    /// Whether the slot holds what a seal says.
+    /// Returns whether the slot's content matches a seal.
     pub(crate) fn holds(&self, generation: u32, sum: &Sum) -> bool {
         let is_of_it = sum.items == 0 || self.generation == generation;
         !self.is_unreadable && is_of_it && self.items == sum.items && self.digest == sum.digest
     }
 
-    /// The set that the slot holds, if it is whole.
+    /// Returns the set of the slot if it is whole.
     fn set(&self, slot: Slot, seal: Option<Seal>) -> Option<Located> {
         let Seal { generation, sum } = seal?;
         let sum = sum.filter(|sum| self.holds(generation, sum))?;
@@ -90,7 +90,7 @@ impl Scan {
     }
 }
 
-/// A whole set, and where it is.
+/// A whole set and its location.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Located {
     pub(crate) slot: Slot,
@@ -100,7 +100,7 @@ pub(crate) struct Located {
 }
 
 impl Located {
-    /// What is reported of it; `None` if it holds nothing.
+    /// Returns the set as reported; `None` if it is empty.
     fn reported(&self) -> Option<Set> {
         (self.sum.items > 0).then_some(Set {
             generation: self.generation.saturating_sub(self.sum.erased),
@@ -111,24 +111,24 @@ impl Located {
     }
 }
 
-/// What the area holds.
+/// State of the area.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Survey {
     pub(crate) contents: Contents,
-    /// A later save than what is stored was begun and not finished.
+    /// A save after the stored set was begun and not completed.
     pub(crate) is_interrupted: bool,
-    /// What is stored; it may be a set of no items.
+    /// Stored set, possibly of no items.
     pub(crate) stored: Option<Located>,
-    /// Where what is stored is damaged: the set before it, if that is whole.
+    /// If the stored set is damaged: the set before it, if that is whole.
     pub(crate) older: Option<Located>,
-    /// The slot of the next save.
+    /// Slot of the next save.
     pub(crate) target: Slot,
-    /// The generation of what is stored; 0 if nothing ever was.
+    /// Generation of the stored set; 0 if there was never one.
     pub(crate) generation: u32,
 }
 
 impl Survey {
-    /// Looks through both slots.
+    /// Reads both slots.
     pub(crate) async fn of<S: NorFlash>(area: &mut Area<S>) -> Result<Self, Error<S::Error>> {
         let first = Scan::of(area, Slot::First).await?;
         let second = Scan::of(area, Slot::Second).await?;
@@ -170,7 +170,7 @@ impl Survey {
             is_interrupted: begun > sealed,
             stored: newest,
             older,
-            // What is whole stays until the save has ended.
+            // The whole set remains until the save has ended.
             target: match newest {
                 Some(set) => set.slot.other(),
                 None => newest_slot,

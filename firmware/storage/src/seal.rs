@@ -1,21 +1,21 @@
-//! Seals: what says that a save is whole.
+//! Seals: proof that a save is complete.
 
 use heapless::Vec;
 
 use crate::item::{Item, Key};
 
-/// Number of the kind of item that is a seal; no other item has one above 240.
+/// Kind number of a seal; all other items have at most 240.
 pub(crate) const NUMBER: u8 = 255;
 
-/// Version of the format of a set: of its seal, and of the order in which its items are summed up.
+/// Version of a set's format: of its seal, and of the order of its items in the checksum.
 const VERSION: u8 = 1;
 
-/// Copies of a seal.
+/// Copy of a seal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SealCopy {
-    /// The first and the second behind the items.
+    /// First and second copy, after the items.
     Own(u8),
-    /// In the other slot.
+    /// Copy in the other slot.
     Abroad,
 }
 
@@ -27,7 +27,7 @@ impl SealCopy {
         }
     }
 
-    /// The copy that an item is. `None` if it is none.
+    /// Returns the copy that a key stands for. `None` if it is not a seal's.
     pub(crate) const fn of(key: Key) -> Option<Self> {
         match (key.number, key.place) {
             (NUMBER, place @ 0..=1) => Some(Self::Own(place)),
@@ -37,30 +37,30 @@ impl SealCopy {
     }
 }
 
-/// A seal, written behind the items of a save.
+/// Seal, written after the items of a save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Seal {
     /// Generation of the save.
     pub(crate) generation: u32,
-    /// What was saved; `None` in a format that this firmware does not know.
+    /// Checksums of the save; `None` in a format that this firmware does not know.
     pub(crate) sum: Option<Sum>,
 }
 
-/// What a save adds up to.
+/// Checksums of a save.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Sum {
-    /// Number of the items.
+    /// Number of items.
     pub(crate) items: u16,
-    /// CRC-32 over all of them in the order of their keys; see [`Item::digest`].
+    /// CRC-32 over all items in the order of their keys; see [`Item::digest`].
     pub(crate) digest: u32,
     /// `configuration_crc` over the commands that were saved.
     pub(crate) configuration_crc: u32,
-    /// Generation in which all was erased; 0 if it never was.
+    /// Generation of the last erasure; 0 if there was none.
     pub(crate) erased: u32,
 }
 
 impl Sum {
-    /// Of nothing.
+    /// Checksums of a save without items.
     pub(crate) const NOTHING: Self = Self {
         items: 0,
         digest: 0,
@@ -76,7 +76,7 @@ impl Sum {
         [a, b, c, d, e, f, g, h, i, j, k, l, m, n]
     }
 
-    /// `None` if that is no sum.
+    /// Parses a payload; `None` if it is invalid.
     fn read(payload: &[u8]) -> Option<Self> {
         let [a, b, c, d, e, f, g, h, i, j, k, l, m, n] = *payload else {
             return None;
@@ -91,7 +91,7 @@ impl Sum {
 }
 
 impl Seal {
-    /// The item that holds a sum.
+    /// Returns the item of a seal.
     pub(crate) fn item(sum: &Sum, copy: SealCopy) -> Item {
         let key = Key {
             number: NUMBER,
@@ -101,19 +101,19 @@ impl Seal {
         Item {
             key,
             version: VERSION,
-            // It fits.
+            // The payload fits.
             payload: Vec::from_slice(&sum.payload()).unwrap_or_default(),
         }
     }
 
-    /// The seal that an item holds.
+    /// Parses the seal in an item.
     pub(crate) fn read(generation: u32, item: &Item) -> Self {
         let is_known = item.version == VERSION;
         let sum = is_known.then(|| Sum::read(&item.payload)).flatten();
         Self { generation, sum }
     }
 
-    /// The later of two.
+    /// Returns the later of two seals.
     pub(crate) fn later(one: Option<Self>, other: Option<Self>) -> Option<Self> {
         match (one, other) {
             (Some(a), Some(b)) if b.generation > a.generation => Some(b),

@@ -1,21 +1,21 @@
-//! The settings as items: one for each field.
+//! Settings as items, one per field.
 
 use palpate_wire::command::Settings;
 
 use crate::item::{Item, Key};
 use crate::payload;
 
-/// Number of the kind of item that holds a setting.
+/// Kind number of a setting.
 pub(crate) const NUMBER: u8 = 1;
 
-/// Defines how each field is stored: its number, the version of its layout, its name. A number is
-/// never used again for another field. The numbers rise, for items are stored in their order.
+/// Defines the storage of each field: its number, its layout version and its name. A number is never
+/// reused for another field. The numbers rise, because items are stored in their order.
 macro_rules! fields {
     ($($number:literal, $version:literal, $field:ident;)+) => {
         /// Numbers of the fields.
         pub(crate) const FIELDS: &[u8] = &[$($number),+];
 
-        /// A field as an item; `None` for a number that no field has.
+        /// Returns a field as an item; `None` for a number without a field.
         pub(crate) fn item(settings: &Settings, number: u8) -> Option<Item> {
             // A field that is missing in the table does not compile.
             let Settings { $($field),+ } = settings;
@@ -27,12 +27,12 @@ macro_rules! fields {
             Some(Item { key, version, payload: payload? })
         }
 
-        /// Whether this firmware knows a field and its version.
+        /// Returns whether this firmware knows a field and its version.
         pub(crate) const fn knows(number: u8, version: u8) -> bool {
             matches!((number, version), $(($number, $version))|+)
         }
 
-        /// Takes over a field from an item. `None` if its payload cannot be read.
+        /// Sets a field from an item. `None` if its payload is unreadable.
         pub(crate) fn take(settings: &mut Settings, item: &Item) -> Option<()> {
             match (item.key.place, item.version) {
                 $(($number, $version) => settings.$field = payload::read(&item.payload)?,)+
@@ -69,7 +69,7 @@ fields! {
     23, 1, greatest_energy_j;
 }
 
-/// The fields' numbers rise, or a save would be out of order.
+/// Checks that the fields' numbers rise, as the order of a save requires.
 const _: () = {
     let mut rest = FIELDS;
     while let [one, others @ ..] = rest {

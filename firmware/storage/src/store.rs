@@ -1,4 +1,4 @@
-//! The storage: opening, reading, erasing.
+//! Opening, reading and erasing the storage.
 
 use core::ops::Range;
 
@@ -17,28 +17,27 @@ use crate::{Error, knows, parts, settings};
 /// A whole set of items.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Set {
-    /// Number of the save, counted from 1 since all was erased. A save that was cut off or found
-    /// nothing to change does not count.
+    /// Number of the save, counted from 1 since the last erasure. An interrupted save, or one that
+    /// changed nothing, does not count.
     pub generation: u32,
-    /// Items: one for each setting, and one for each part of the calibration or chunk of it.
+    /// Number of items: one per setting, and one per calibration part or chunk.
     pub items: u16,
-    /// Of these, items that this firmware does not know. A save keeps them.
+    /// Number of items that this firmware does not know. A save keeps them.
     pub unknown_items: u16,
     /// [`configuration_crc`](palpate_wire::configuration_crc) over the commands that were saved.
     pub configuration_crc: u32,
 }
 
-/// What is stored.
+/// Content of the storage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
-    /// Nothing.
+    /// No set.
     Empty,
-    /// A set, every bit of which is as it was saved.
+    /// A set with every bit as it was saved.
     Whole(Set),
-    /// Something that is not what was saved.
+    /// A set that differs from the saved one.
     Damaged {
-        /// The set that was saved before it, if that is whole: not what was stored last. See
-        /// [`Store::rewind_to_older`].
+        /// The previously saved set, if that is whole. See [`Store::rewind_to_older`].
         older: Option<Set>,
     },
     /// A set in a format that this firmware does not know.
@@ -47,11 +46,11 @@ pub enum Contents {
 
 /// Settings and calibration in a range of flash.
 ///
-/// One thing is done at a time: [`next`](Self::next) reads what is stored, command by command;
+/// One operation runs at a time: [`next`](Self::next) reads the stored set, command by command;
 /// [`begin`](Self::begin), [`put`](Self::put) and [`commit`](Self::commit) replace all of it.
 ///
-/// None of the futures may be dropped before it has ended: the flash would be left as by a power
-/// cut, and an error would be lost. Where the flash driver never waits, poll them once.
+/// Do not drop a future before it has ended: the flash would be left as after a power cut, and an error
+/// would be lost. If the flash driver never waits, poll each future once.
 #[derive(Debug)]
 pub struct Store<S> {
     pub(crate) area: Area<S>,
@@ -63,16 +62,16 @@ pub struct Store<S> {
 }
 
 impl<S: NorFlash> Store<S> {
-    /// Looks at what a range of the flash holds; writes nothing. Addresses are those of the flash
-    /// driver, in bytes. The range is two slots of two sectors at least, half each, and every bit
-    /// of it belongs to the storage. A word, the larger of `READ_SIZE` and `WRITE_SIZE`, may have 32
-    /// bytes; each item is padded to words, and with more than 8 bytes the largest calibration does
-    /// not fit 64 KiB.
+    /// Opens the storage in a range of flash; writes nothing. Addresses are those of the flash driver,
+    /// in bytes. The range holds two slots of at least two sectors, half each, and every bit of it
+    /// belongs to the storage. A word, the larger of `READ_SIZE` and `WRITE_SIZE`, may have 32 bytes;
+    /// each item is padded to words, and with more than 8 bytes the largest calibration does not fit 64
+    /// KiB.
     ///
     /// # Errors
     ///
-    /// [`Error::Range`] for a range that cannot be used, and [`Error::Flash`]. What the flash
-    /// contains is no error: see [`contents`](Self::contents).
+    /// [`Error::Range`] for an unusable range, and [`Error::Flash`]. The content of the flash is not an
+    /// error: see [`contents`](Self::contents).
     pub async fn open(flash: S, range: Range<u32>) -> Result<Self, Error<S::Error>> {
         let mut area = Area::new(flash, &range)?;
         let survey = Survey::of(&mut area).await?;
@@ -85,45 +84,44 @@ impl<S: NorFlash> Store<S> {
         })
     }
 
-    /// What was stored when the storage was opened, or the last save or erasure ended.
+    /// Returns the content of the storage when it was opened, or when the last save or erasure ended.
     pub const fn contents(&self) -> Contents {
         self.survey.contents
     }
 
-    /// Whether a save was begun after what is stored, and cut off.
+    /// Returns whether a save after the stored set was interrupted.
     pub const fn is_interrupted(&self) -> bool {
         self.survey.is_interrupted
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn into_flash(self) -> S {
         self.area.into_flash()
     }
 
-    /// Makes [`next`](Self::next) begin anew.
+    /// Lets [`next`](Self::next) start again.
     pub fn rewind(&mut self) {
         self.reading = self.survey.stored;
         self.reader.rewind();
     }
 
-    /// Makes [`next`](Self::next) read the set that was saved before the one that is damaged. False
-    /// if there is none.
+    /// Lets [`next`](Self::next) read the set before the damaged one. Returns `false` if there is none.
     pub fn rewind_to_older(&mut self) -> bool {
         self.rewind();
         self.reading = self.survey.older;
         self.reading.is_some()
     }
 
-    /// The next of the commands that set what is stored: settings first, then the parts of the
-    /// calibration in the order in which they have to be set. `None` behind the last, and where
-    /// nothing is stored. A setting that is not stored has the value that it has in `defaults`;
-    /// where none is stored, there is no command for settings.
+    /// Returns the next command that sets the stored configuration: settings first, then the parts of
+    /// the calibration in the order in which they must be set. `None` after the last, and without a
+    /// stored set. A setting that is not stored has its value in `defaults`; if no setting is stored,
+    /// there is no command for settings.
     ///
     /// # Errors
     ///
-    /// [`Error::Damaged`] and [`Error::Newer`] if what is stored cannot be read, [`Error::Saving`]
-    /// during a save, and [`Error::Flash`]. After [`Error::Invalid`] and [`Error::Unreadable`] the
-    /// next call goes on with the next command.
+    /// [`Error::Damaged`] and [`Error::Newer`] if the stored set cannot be read, [`Error::Saving`]
+    /// during a save, and [`Error::Flash`]. After [`Error::Invalid`] and [`Error::Unreadable`] the next
+    /// call continues with the next command.
     pub async fn next(&mut self, defaults: &Settings) -> Result<Option<Command>, Error<S::Error>> {
         if self.save.is_some() {
             return Err(Error::Saving);
@@ -146,7 +144,7 @@ impl<S: NorFlash> Store<S> {
         Ok(None)
     }
 
-    /// Why there is no set to read.
+    /// Returns why there is no set to read.
     fn nothing_to_read(&self) -> Result<Option<Command>, Error<S::Error>> {
         match self.survey.contents {
             Contents::Damaged { .. } => Err(Error::Damaged),
@@ -155,7 +153,7 @@ impl<S: NorFlash> Store<S> {
         }
     }
 
-    /// Gathers the settings, one item for each.
+    /// Collects the settings, one item each.
     async fn settings(
         &mut self,
         set: &Located,
@@ -174,19 +172,19 @@ impl<S: NorFlash> Store<S> {
         result.map(|()| settings)
     }
 
-    /// Erases all that is stored, also what cannot be read and what this firmware does not know. A
-    /// power cut leaves all or nothing of it.
+    /// Erases the storage, including unreadable and unknown items. A power cut leaves all or nothing of
+    /// it.
     ///
     /// # Errors
     ///
-    /// [`Error::Flash`], [`Error::NotKept`] and [`Error::Exhausted`]. It ends a save that was begun.
+    /// [`Error::Flash`], [`Error::NotKept`] and [`Error::Exhausted`]. Ends a save in progress.
     pub async fn erase(&mut self) -> Result<(), Error<S::Error>> {
         self.save = None;
         let target = self.survey.target;
         let is_empty = self.survey.contents == Contents::Empty;
         self.area.clear(target).await?;
         if !is_empty {
-            // A set of nothing replaces what is stored at one stroke.
+            // An empty set replaces the stored one atomically.
             let erased = self.next_generation()?;
             let nothing = Sum {
                 erased,
@@ -204,7 +202,7 @@ impl<S: NorFlash> Store<S> {
         }
     }
 
-    /// Takes from the flash what is stored now.
+    /// Reads the content of the flash again.
     pub(crate) async fn look_anew(&mut self) -> Result<(), Error<S::Error>> {
         self.survey = Survey::of(&mut self.area).await?;
         self.rewind();

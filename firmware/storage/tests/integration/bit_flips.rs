@@ -1,4 +1,4 @@
-//! One bit of the area turns: what is stored is the same, or is said to be damaged.
+//! One bit of the area is inverted: the stored set is unchanged, or is reported as damaged.
 
 use palpate_storage::{Contents, Error, Store};
 use palpate_wire::Command;
@@ -8,7 +8,7 @@ use crate::support::flash::{AREA, Flash};
 use crate::support::specimens::small;
 use crate::support::{assert_stored, load, now, open, save, saved};
 
-/// A prime number, so that every bit of a byte and every place in an item has its turn.
+/// A prime step reaches every bit of a byte and every position in an item.
 #[test]
 fn a_turned_bit_is_found_or_does_no_harm() {
     area(509);
@@ -48,7 +48,7 @@ fn a_seal_outlives_the_loss_of_two_of_its_three_copies() {
     }
 }
 
-/// Where the seals lie: keys 255 with a place up to 2, and version 1.
+/// Returns the positions of the seals: keys 255 with a place up to 2, and version 1.
 fn seals(flash: &Flash) -> Vec<usize> {
     let is_seal = |at: &usize| {
         matches!(flash.bytes[*at..*at + 4], [255, 0..=2, 0, 1]) && at.is_multiple_of(4)
@@ -56,7 +56,7 @@ fn seals(flash: &Flash) -> Vec<usize> {
     (0..AREA - 4).filter(is_seal).collect()
 }
 
-/// The sectors of a save are lost together with its seals: the other slot remembers it.
+/// The sectors of a save are lost together with its seals: the other slot holds a copy of the seal.
 #[test]
 fn a_set_that_is_lost_altogether_is_damaged_and_not_silently_the_one_before() {
     let history = [small(6e3), small(5e3)];

@@ -1,4 +1,4 @@
-//! What an opening, a reading and a save cost in flash operations.
+//! Costs of opening, reading and saving in flash operations.
 
 use palpate_wire::Command;
 
@@ -6,7 +6,7 @@ use crate::support::flash::{Counts, Flash};
 use crate::support::specimens::{fullest, typical};
 use crate::support::{load, open, save, saved};
 
-/// Seconds for all that is read, at 2 us for each word of four bytes begun.
+/// Returns the time of all reads in seconds, at 2 us for each started word of four bytes.
 fn reading_s(counts: &Counts) -> f64 {
     let words = counts.bytes_read as f64 / 4.0 + counts.reads as f64;
     2e-6 * words
@@ -20,7 +20,7 @@ fn show(what: &str, counts: Counts) -> Counts {
     counts
 }
 
-/// Opening, reading, and saving with a change in the last command.
+/// Returns the costs of opening, of reading, and of saving with a change in the last command.
 fn costs(name: &str, commands: &[Command]) -> [Counts; 3] {
     let shorter = commands[..commands.len() - 1].to_vec();
     let mut flash: Flash = saved(&[commands.to_vec(), shorter, commands.to_vec()]);

@@ -1,4 +1,4 @@
-//! Erasing all that is stored.
+//! Erasing the storage.
 
 use palpate_storage::Contents;
 
@@ -28,7 +28,7 @@ fn an_erasure_leaves_nothing_of_what_was_stored() {
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();
     drop(store);
-    // Two copies of the seal of nothing, and the mark of their sector.
+    // Two copies of the seal of an empty set, and the mark of their sector.
     let used = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
     assert!(used < 80, "{used}");
 }

@@ -1,4 +1,4 @@
-//! Whatever the flash contains, every call comes to an end.
+//! With any content of the flash, every call ends.
 
 use palpate_storage::Contents;
 
@@ -14,7 +14,7 @@ fn a_spoilt_area_is_read_to_an_end_and_can_be_erased() {
     }
 }
 
-/// Garbage in which the map's search for room would take 420,000 reads.
+/// Garbage in which the map's search for space would take 420,000 reads.
 #[test]
 fn a_search_for_room_in_garbage_ends() {
     survives(1_044_078);
@@ -36,7 +36,7 @@ fn an_area_of_one_byte_repeated_is_read_to_an_end() {
     }
 }
 
-/// Whether the map takes a byte for the mark of a sector in use: half of its bits are 0.
+/// Returns whether the map accepts a byte as the mark of a used sector: half of its bits are 0.
 const fn is_marked(byte: u8) -> bool {
     byte.count_zeros() >= 4
 }

@@ -1,4 +1,4 @@
-//! Tests of `palpate-storage` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-storage`: one program, one module per subject.
 
 mod bit_flips;
 mod costs;

@@ -1,4 +1,4 @@
-//! Saves, starts and erasures in any order, against a configuration in memory.
+//! Saves, restarts and erasures in any order, compared with a configuration in memory.
 
 use palpate_wire::Command;
 use proptest::prelude::*;
@@ -9,9 +9,9 @@ use crate::support::{assert_stored, load, now, open, save};
 
 #[derive(Clone, Debug)]
 enum Step {
-    /// Saves those of all commands whose bit is set.
+    /// Saves the commands whose bit is set.
     Save(u128),
-    /// Loses the power in the operation that follows so many.
+    /// The power fails in the operation after this many.
     SaveCut(u128, u64, usize),
     Start,
     Erase,
@@ -19,7 +19,7 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        // Random bits are half of all commands; their product is a few.
+        // Random bits select half of all commands; their product selects a few.
         4 => (any::<u128>(), any::<u128>(), any::<bool>())
             .prop_map(|(a, b, few)| Step::Save(if few { a & b & (a >> 7) } else { a })),
         2 => (any::<u128>(), 0..120u64, 0..Remnant::EVERY.len())

@@ -1,4 +1,4 @@
-//! The power fails in any write or erase: afterwards all is as it was, or all is new.
+//! The power fails in any write or erase: afterwards the old or the new set is stored.
 
 use palpate_storage::Contents;
 
@@ -7,7 +7,7 @@ use crate::support::flash::Remnant;
 use crate::support::specimens::{small, typical};
 use crate::support::{assert_stored, open, save, saved};
 
-/// A power cut in a deed leaves old or new, and what is done then succeeds.
+/// A power cut during a deed leaves the old or the new set, and a following deed succeeds.
 fn all_or_nothing(history: &[Configuration], deed: Deed<'_>) {
     let before = saved(history);
     let old = history.last().map_or(&[][..], Vec::as_slice);
@@ -53,7 +53,7 @@ fn a_second_cut_in_another_deed_leaves_old_or_new() {
     nested(&history, Deed::Save(&small(4e3)), Deed::Erase);
 }
 
-/// One save after another fails, always in another operation: what was stored outlives them all.
+/// Repeated saves fail, each in another operation: the stored set survives all of them.
 #[test]
 fn what_is_stored_outlives_any_number_of_saves_that_are_cut_off() {
     let mut flash = saved(&[small(6e3), typical()]);

@@ -1,4 +1,4 @@
-//! Reading what is stored.
+//! Reading the stored set.
 
 use palpate_storage::{Contents, Error};
 use palpate_wire::Command;
@@ -16,7 +16,7 @@ fn stored(items: &[Item]) -> Flash {
 
 #[test]
 fn a_setting_that_is_missing_has_its_default() {
-    // Sampling rate, and that it measures at every contact.
+    // Scan rate, and automatic measurement at every contact.
     let rate = Item::new([1, 2, 0], 1, &1_250f32.to_le_bytes());
     let automatic = Item::new([1, 11, 0], 1, &[1]);
     let mut flash = stored(&[rate, automatic]);
@@ -99,7 +99,7 @@ fn items_that_are_sound_and_not_those_of_the_seal_are_damage() {
     }
 }
 
-/// An item of another program's map, shorter than the head of one of ours.
+/// An item of another program's map, shorter than the head of this crate's items.
 #[test]
 fn an_item_that_is_shorter_than_any_is_passed_by() {
     use sequential_storage::cache::Cache;

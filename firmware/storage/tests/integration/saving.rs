@@ -1,4 +1,4 @@
-//! What a save takes, refuses, and leaves alone.
+//! What a save accepts, refuses and leaves unchanged.
 
 use palpate_storage::{Contents, Error, Store};
 use palpate_wire::{Command, Message};
@@ -133,11 +133,11 @@ fn nothing_is_read_during_a_save_and_an_abandoned_one_leaves_what_was_stored() {
     assert!(store.is_interrupted());
     assert_eq!(save(&mut store, &small(5e3)), Ok(true));
     assert!(!store.is_interrupted());
-    // The one that was cut off does not count.
+    // The interrupted one does not count.
     assert_eq!(whole(&store).generation, 2);
 }
 
-/// Words of one byte, as a flash may have that is written through a page buffer, and of 8 and 32.
+/// Words of one byte, as in a flash with a page buffer, and of 8 and 32 bytes.
 #[test]
 fn flashes_of_other_words_hold_the_same() {
     fn holds<const WORD: usize>(commands: &[Command]) {
@@ -156,14 +156,14 @@ fn flashes_of_other_words_hold_the_same() {
 #[test]
 fn more_than_a_slot_holds_is_refused_and_what_was_stored_stays() {
     let mut flash = Flash::<4>::new();
-    // Two slots of two sectors: one of them for items.
+    // Two slots of two sectors, one of which is for items.
     let range = 0..4 * SECTOR as u32;
     let mut store = now(Store::open(&mut flash, range.clone())).unwrap();
     assert_eq!(save(&mut store, &typical()), Ok(true));
     assert_eq!(save(&mut store, &fullest()), Err(Error::Full));
     assert_stored(&mut store, &typical());
     drop(store);
-    // That was the sector with the seal's third copy; the map has erased none to make room.
+    // That was the sector with the seal's third copy; the map has erased none for space.
     assert_eq!(flash.counts.erases, 1);
     let mut store = now(Store::open(&mut flash, range)).unwrap();
     assert_stored(&mut store, &typical());

@@ -1,4 +1,4 @@
-//! What another version of the firmware stored, and what of it a save keeps.
+//! Sets stored by other firmware versions, and the part of them that a save keeps.
 
 use std::fs;
 use std::path::PathBuf;
@@ -13,12 +13,12 @@ use crate::support::specimens::{
 };
 use crate::support::{assert_stored, load, now, open, save, saved, whole};
 
-/// Sectors of the fixture, each behind its number; those that are missing are erased.
+/// Sectors of the fixture, each preceded by its number; missing ones are erased.
 fn fixture() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixture/v1.bin")
 }
 
-/// What the fixture holds: a set, and the one that was saved before it.
+/// Content of the fixture: a set, and the one saved before it.
 fn history() -> [Vec<Command>; 2] {
     let mut newest = typical();
     newest.retain(|command| !matches!(command, Command::SetStiffening(_)));
@@ -46,15 +46,15 @@ fn area_of(fixture: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Fails when the format changes. What version 1 stored has to be read for ever: give the item
-/// that changed a new version, and leave the fixture as it is.
+/// Fails when the format changes. Sets of version 1 must remain readable: give the changed item a new
+/// version, and leave the fixture unchanged.
 #[test]
 fn what_version_1_stored_is_read() {
     let mut flash = Flash::<4>::holding(area_of(&fs::read(fixture()).unwrap()));
     let mut store = open(&mut flash).unwrap();
     assert_stored(&mut store, &history()[1]);
     assert_eq!(whole(&store).generation, 2);
-    // Nothing of it has to be written anew.
+    // Nothing needs to be written again.
     assert_eq!(save(&mut store, &history()[1]), Ok(false));
 }
 
@@ -65,8 +65,8 @@ fn write_the_fixture() {
     fs::write(fixture(), sectors_in_use(&flash.bytes)).unwrap();
 }
 
-/// What the next version stores: as this one, and a setting, a part and a chunk that this one does
-/// not know, and a part of a raised version.
+/// A set of the next version: as this one, with a setting, a part and a chunk that this version does not
+/// know, and a part of a higher version.
 fn next_version() -> Vec<Item> {
     let mut flash = saved(&[vec![typical().remove(0), tank(0, 0), coil()]]);
     let mut items: Vec<_> = format::items(&mut flash, 0)
@@ -89,7 +89,7 @@ fn unknown() -> [Item; 6] {
     ]
 }
 
-/// The unknown items that a flash holds.
+/// Returns the unknown items in a flash.
 fn kept(flash: &mut Flash, slot: u32) -> Vec<Item> {
     let unknown = unknown();
     let items = format::items(flash, slot).into_iter().map(|(_, item)| item);
@@ -145,7 +145,7 @@ fn a_save_of_what_is_known_of_the_next_version_touches_nothing() {
     assert_eq!(flash.take_counts().writes, 0);
 }
 
-/// A part that is set anew takes the place of every version of it: the later calibration counts.
+/// A newly set part replaces every version of it: the later calibration counts.
 #[test]
 fn a_part_that_is_set_takes_the_place_of_its_unknown_version() {
     let mut flash = Flash::<4>::new();
@@ -174,7 +174,7 @@ fn a_curve_that_is_set_takes_the_place_of_every_chunk_and_law_of_an_unknown_vers
 
 #[test]
 fn an_older_set_that_lacks_a_setting_and_a_part_is_read() {
-    // All settings but the last, which came later.
+    // All settings except the last, which came later.
     let mut items: Vec<_> = {
         let mut flash = saved(&[typical()]);
         format::items(&mut flash, 0)
@@ -193,7 +193,7 @@ fn an_older_set_that_lacks_a_setting_and_a_part_is_read() {
     };
     settings.ramp_s = defaults().ramp_s;
     assert_eq!(load(&mut store).unwrap(), expected);
-    // What is saved then has it.
+    // The next save contains it.
     assert_eq!(save(&mut store, &expected), Ok(true));
     assert_stored(&mut store, &expected);
 }

@@ -1,4 +1,4 @@
-//! All sectors wear alike.
+//! All sectors wear equally.
 
 use crate::support::specimens::{fullest, typical};
 use crate::support::wear::{alternating, wear};
@@ -6,7 +6,7 @@ use crate::support::wear::{alternating, wear};
 #[track_caller]
 fn assert_even((least, greatest): (u32, u32), saves: u32, sectors: u32) {
     assert!(greatest - least <= 2, "{least} to {greatest}");
-    // Each save erases the sectors of the one before the last.
+    // Each save erases the sectors of the last save but one.
     let expected = saves * sectors / 16;
     assert!(
         greatest.abs_diff(expected) <= 2,

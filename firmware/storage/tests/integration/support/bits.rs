@@ -1,4 +1,4 @@
-//! One bit of the area turned after the other.
+//! Inverts the bits of the area one after the other.
 
 use palpate_storage::{Contents, Error};
 use palpate_wire::Command;
@@ -7,16 +7,16 @@ use super::flash::{AREA, Flash};
 use super::specimens::{fullest, typical};
 use super::{assert_stored, load, open, saved};
 
-/// What turned bits did.
+/// Effects of inverted bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
-    /// Bits that changed nothing of what is stored.
+    /// Number of bits that did not change the stored set.
     pub(crate) same: u32,
-    /// Bits after which it is said to be damaged.
+    /// Number of bits after which it is reported as damaged.
     pub(crate) damaged: u32,
 }
 
-/// Turns bits one at a time.
+/// Inverts bits one at a time.
 pub(crate) fn turn(
     flash: &mut Flash,
     stored: &[Command],
@@ -44,13 +44,13 @@ pub(crate) fn turn(
     tally
 }
 
-/// Every `step`th bit of the area, after saves to both slots.
+/// Inverts every `step`th bit of the area, after saves to both slots.
 pub(crate) fn area(step: usize) -> Tally {
     let mut sum = Tally::default();
     for history in [[fullest(), typical()], [typical(), fullest()]] {
         let mut flash = saved(&history);
         let tally = turn(&mut flash, &history[1], (0..AREA * 8).step_by(step));
-        // The stored items, and neither the seals nor the rest of the area.
+        // Only the stored items: neither the seals nor the rest of the area.
         let items: usize = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
         assert!(
             tally.damaged > 0 && tally.damaged < (8 * items / step) as u32,

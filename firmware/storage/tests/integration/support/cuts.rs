@@ -8,7 +8,7 @@ use super::{assert_stored, load, now, open, save, saved};
 
 pub(crate) type Configuration = Vec<Command>;
 
-/// What is done while the power fails.
+/// Operation during which the power fails.
 #[derive(Clone, Copy)]
 pub(crate) enum Deed<'a> {
     Save(&'a [Command]),
@@ -24,7 +24,7 @@ impl Deed<'_> {
         }
     }
 
-    /// What is stored when it has been done.
+    /// Returns the stored set after the operation.
     pub(crate) const fn outcome(&self) -> &[Command] {
         match self {
             Self::Save(commands) => commands,
@@ -33,7 +33,7 @@ impl Deed<'_> {
     }
 }
 
-/// What is stored after the start that follows: one of several, and the storage says which.
+/// Returns the set stored after the following start: one of several candidates, as the storage reports.
 #[track_caller]
 pub(crate) fn one_of<'a>(flash: &mut Flash, candidates: &[&'a [Command]]) -> &'a [Command] {
     let mut store = open(flash).unwrap();
@@ -44,7 +44,7 @@ pub(crate) fn one_of<'a>(flash: &mut Flash, candidates: &[&'a [Command]]) -> &'a
     found
 }
 
-/// Every flash that a power cut in a deed can leave.
+/// Passes on every flash content that a power cut in an operation can leave.
 pub(crate) fn cut_short(before: &Flash, deed: Deed<'_>, mut with: impl FnMut(u64, Remnant, Flash)) {
     for remnant in Remnant::EVERY {
         for after in 0.. {
@@ -62,7 +62,7 @@ pub(crate) fn cut_short(before: &Flash, deed: Deed<'_>, mut with: impl FnMut(u64
     }
 }
 
-/// The power fails in a save, and again in what follows it.
+/// The power fails in a save, and again in the following operation.
 pub(crate) fn nested(history: &[Configuration], first: Deed<'_>, second: Deed<'_>) -> u32 {
     let before = saved(history);
     let old = history.last().map_or(&[][..], Vec::as_slice);

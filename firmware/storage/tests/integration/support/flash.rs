@@ -1,10 +1,10 @@
-//! A NOR flash in memory: a write clears bits, an erase sets those of a sector, and the power can
-//! fail in the middle of either.
+//! NOR flash in memory: a write clears bits, an erase sets those of a sector, and the power can fail in
+//! the middle of either.
 
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
 
-/// Bytes of a sector, as of the W25Q16JV (datasheet, Sector Erase, 20h).
+/// Bytes of a sector, as in the W25Q16JV (datasheet, Sector Erase, 20h).
 pub(crate) const SECTOR: usize = 4096;
 
 /// Sectors of the area.
@@ -13,12 +13,12 @@ pub(crate) const SECTORS: usize = 16;
 /// Bytes of the area.
 pub(crate) const AREA: usize = SECTORS * SECTOR;
 
-/// What a flash operation fails of.
+/// Error of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Failure {
     /// The power is off.
     PowerCut,
-    /// Not a multiple of what the flash works with, or beyond its end.
+    /// Not aligned to the flash's units, or beyond its end.
     Misaligned,
     /// More operations than any call may take.
     Endless,
@@ -30,7 +30,7 @@ impl NorFlashError for Failure {
     }
 }
 
-/// What a power cut leaves of an operation.
+/// Remainder of an operation after a power cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Remnant {
     /// Nothing was changed.
@@ -41,8 +41,8 @@ pub(crate) enum Remnant {
     Beginning,
     /// Each bit was changed or not.
     Bits,
-    /// An erase programs all bits before it erases them: all are 0. Of a write: each bit was
-    /// changed or not, all but a few.
+    /// For an erase: all bits are 0, since a chip programs them before it erases. For a write: each bit
+    /// was changed or not, nearly all of them.
     Programmed,
 }
 
@@ -56,7 +56,7 @@ impl Remnant {
     ];
 }
 
-/// How often the flash was used.
+/// Numbers of flash operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     pub(crate) reads: u64,
@@ -66,19 +66,19 @@ pub(crate) struct Counts {
     pub(crate) erases: u64,
 }
 
-/// The flash, written in words of `WORD` bytes.
+/// Flash, written in words of `WORD` bytes.
 #[derive(Clone)]
 pub(crate) struct Flash<const WORD: usize = 4> {
     pub(crate) bytes: Vec<u8>,
     pub(crate) counts: Counts,
-    /// Erases of each sector.
+    /// Number of erases of each sector.
     pub(crate) wear: [u32; SECTORS],
-    /// Writes and erases until the power fails, and what that leaves.
+    /// Number of writes and erases until the power fails, and what that leaves.
     cut: Option<(u64, Remnant)>,
     is_off: bool,
-    /// Bytes that have lost a bit.
+    /// Bytes with a bit that is lost.
     pub(crate) worn: std::ops::Range<usize>,
-    /// Operations until it gives up.
+    /// Number of operations until it gives up.
     pub(crate) patience: u64,
     random: u64,
 }
@@ -101,19 +101,19 @@ impl<const WORD: usize> Flash<WORD> {
         }
     }
 
-    /// Makes the power fail in the write or erase that follows `after` others.
+    /// Makes the power fail in the write or erase after `after` others.
     pub(crate) fn cut_after(&mut self, after: u64, remnant: Remnant) {
         self.cut = Some((after, remnant));
         self.random = after + 1;
     }
 
-    /// Switches the power on again. False if it never failed.
+    /// Switches the power on again. Returns `false` if it never failed.
     pub(crate) fn power_on(&mut self) -> bool {
         self.cut = None;
         std::mem::take(&mut self.is_off)
     }
 
-    /// What was used since it was last asked for.
+    /// Returns the numbers of operations since the last call.
     pub(crate) fn take_counts(&mut self) -> Counts {
         std::mem::take(&mut self.counts)
     }
@@ -135,7 +135,7 @@ impl<const WORD: usize> Flash<WORD> {
         Ok(())
     }
 
-    /// Changes bytes, as far as the power lasts.
+    /// Changes bytes until the power fails.
     fn change(&mut self, from: usize, to: &[u8]) -> Result<(), Failure> {
         let remnant = match &mut self.cut {
             None => Remnant::All,

@@ -1,5 +1,4 @@
-//! The format of the area, written down a second time: what another version of the firmware
-//! stores.
+//! A second definition of the area's format, to write the sets of other firmware versions.
 
 use palpate_wire::crc32;
 use sequential_storage::cache::Cache;
@@ -25,7 +24,7 @@ impl Item {
         }
     }
 
-    /// Of a map, without its key.
+    /// Returns the item as a map value, without its key.
     fn value(&self, generation: u32) -> Vec<u8> {
         let mut value = vec![self.version];
         value.extend(generation.to_le_bytes());
@@ -34,7 +33,7 @@ impl Item {
     }
 }
 
-/// CRC-32 over items: each time over the one before and key, version and payload.
+/// Returns the CRC-32 over items: each continues the previous one over key, version and payload.
 fn digest(items: &[Item]) -> u32 {
     items.iter().fold(0u32, |before, item| {
         let mut bytes = before.to_le_bytes().to_vec();
@@ -45,7 +44,7 @@ fn digest(items: &[Item]) -> u32 {
     })
 }
 
-/// The payload of a seal.
+/// Returns the payload of a seal.
 fn sum(items: &[Item], configuration_crc: u32) -> Vec<u8> {
     let mut payload = (items.len() as u16).to_le_bytes().to_vec();
     payload.extend(digest(items).to_le_bytes());
@@ -54,12 +53,12 @@ fn sum(items: &[Item], configuration_crc: u32) -> Vec<u8> {
     payload
 }
 
-/// Writes items into the first slot, as the first save, with seals of some version.
+/// Writes items into the first slot, as the first save, with seals of this version.
 pub(crate) fn store(flash: &mut Flash, items: &[Item], seal_version: u8) {
     store_sealed(flash, items, seal_version, &sum(items, 0));
 }
 
-/// The same with the seals of other items, and a number added to how many these are.
+/// As [`store`], with the seals of other items, and `more` added to their number.
 pub(crate) fn store_with_seal_of(flash: &mut Flash, items: &[Item], others: &[Item], more: u8) {
     let mut payload = sum(others, 0);
     payload[0] += more;
@@ -77,7 +76,7 @@ fn store_sealed(flash: &mut Flash, items: &[Item], seal_version: u8, sum: &[u8])
     }
 }
 
-/// All items of a slot in the order in which they lie there, but seals, with their generation.
+/// Returns all items of a slot in stored order, without seals, with their generation.
 pub(crate) fn items(flash: &mut Flash, slot: u32) -> Vec<(u32, Item)> {
     let half = AREA as u32 / 2;
     let config = MapConfig::new(slot * half..(slot + 1) * half);

@@ -1,4 +1,4 @@
-//! An area of which sectors contain garbage.
+//! An area with garbage in some sectors.
 
 use palpate_storage::Contents;
 
@@ -6,8 +6,8 @@ use super::flash::{AREA, Flash, Remnant, SECTOR, SECTORS};
 use super::specimens::{small, typical};
 use super::{assert_stored, load, now, open, save, saved};
 
-/// Flash operations of the longest call: every word of the area is read twice as the header of an
-/// item, in each of a few passes.
+/// Flash operations of the longest call: every word of the area is read twice as the header of an item,
+/// in each of a few passes.
 pub(crate) const PATIENCE: u64 = 16 * (AREA / 4) as u64;
 
 /// Fills some sectors with one kind of garbage.
@@ -28,14 +28,14 @@ fn spoil(flash: &mut Flash, seed: u64) {
                 1 => random | flash.random() as u8 | flash.random() as u8,
                 2 => random & flash.random() as u8 & flash.random() as u8,
                 3 => 0,
-                // A sector that belongs elsewhere.
+                // A sector from elsewhere.
                 4 => flash.bytes[other + byte - from],
-                // Bits turned here and there.
+                // Scattered inverted bits.
                 _ if flash.random().is_multiple_of(200) => old ^ random,
                 _ => old,
             };
         }
-        // The marks that the map looks for, so that it reads what is between them.
+        // The marks that the map looks for, so that it reads the data between them.
         if flash.random().is_multiple_of(2) {
             flash.bytes[from..from + 4].fill(0);
             let end = if flash.random().is_multiple_of(2) {
@@ -48,7 +48,7 @@ fn spoil(flash: &mut Flash, seed: u64) {
     }
 }
 
-/// Opens an area with garbage in it, erases it and saves anew.
+/// Opens an area with garbage in it, erases it and saves again.
 pub(crate) fn survives(seed: u64) {
     let history = [typical(), small(5e3)];
     let mut flash = saved(&history);
@@ -62,10 +62,10 @@ pub(crate) fn survives(seed: u64) {
         assert!(history.contains(&stored), "seed {seed}: {stored:?}");
     }
     drop(store);
-    // To look at it changes nothing: the map repairs nothing of its own accord.
+    // Opening changes nothing: the map does not repair by itself.
     let counts = flash.take_counts();
     assert_eq!((counts.writes, counts.erases), (0, 0), "seed {seed}");
-    // It can always be used again.
+    // The area can always be used again.
     flash.patience = PATIENCE;
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();

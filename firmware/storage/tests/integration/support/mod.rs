@@ -1,4 +1,4 @@
-//! What several tests share, and the campaign with them.
+//! Common functions of several tests and of the campaign.
 
 #![allow(dead_code, reason = "no program uses all of it")]
 
@@ -19,7 +19,7 @@ use palpate_wire::{Command, configuration_crc};
 
 use flash::{AREA, Flash};
 
-/// What became of a future that never waits.
+/// Returns the result of a future that never waits.
 pub(crate) fn now<T>(future: impl Future<Output = T>) -> T {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(result) => result,
@@ -27,12 +27,12 @@ pub(crate) fn now<T>(future: impl Future<Output = T>) -> T {
     }
 }
 
-/// The storage in the whole area of a flash.
+/// Opens the storage in the whole area of a flash.
 pub(crate) fn open<S: NorFlash>(flash: S) -> Result<Store<S>, Error<S::Error>> {
     now(Store::open(flash, 0..AREA as u32))
 }
 
-/// Saves a configuration. True if that changed anything.
+/// Saves a configuration. Returns `true` if that changed the stored set.
 pub(crate) fn save<S: NorFlash>(
     store: &mut Store<S>,
     commands: &[Command],
@@ -44,7 +44,7 @@ pub(crate) fn save<S: NorFlash>(
     now(store.commit())
 }
 
-/// Everything that is stored.
+/// Returns all stored commands.
 pub(crate) fn load<S: NorFlash>(store: &mut Store<S>) -> Result<Vec<Command>, Error<S::Error>> {
     store.rewind();
     let mut commands = Vec::new();
@@ -54,7 +54,7 @@ pub(crate) fn load<S: NorFlash>(store: &mut Store<S>) -> Result<Vec<Command>, Er
     Ok(commands)
 }
 
-/// The set that is stored whole.
+/// Returns the stored set, which must be whole.
 pub(crate) fn whole<S: NorFlash>(store: &Store<S>) -> Set {
     match store.contents() {
         Contents::Whole(set) => set,
@@ -62,7 +62,7 @@ pub(crate) fn whole<S: NorFlash>(store: &Store<S>) -> Set {
     }
 }
 
-/// Holds that a storage contains a configuration, and says so.
+/// Checks that a storage contains a configuration and reports it as whole.
 #[track_caller]
 pub(crate) fn assert_stored<S: NorFlash>(store: &mut Store<S>, commands: &[Command]) {
     assert_eq!(load(store).unwrap(), commands);
@@ -74,7 +74,7 @@ pub(crate) fn assert_stored<S: NorFlash>(store: &mut Store<S>, commands: &[Comma
     }
 }
 
-/// A flash in which configurations were saved one after the other.
+/// Returns a flash after saves of configurations, one after the other.
 pub(crate) fn saved(configurations: &[Vec<Command>]) -> Flash {
     let mut flash = Flash::new();
     let mut store = open(&mut flash).unwrap();

@@ -1,10 +1,10 @@
-//! Configurations as they occur.
+//! Typical configurations.
 
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Stream};
 use palpate_wire::command::*;
 
-/// Settings that differ from their defaults.
+/// Settings that differ from the defaults.
 pub(crate) fn settings() -> Settings {
     Settings {
         channels: 0b0101,
@@ -19,7 +19,7 @@ pub(crate) fn settings() -> Settings {
     }
 }
 
-/// Settings of a device in which none were set.
+/// Settings of a device without a settings command.
 pub(crate) fn defaults() -> Settings {
     Settings {
         channels: 0b0001,
@@ -57,7 +57,7 @@ pub(crate) fn tank(sensor: u8, channel: u8) -> Command {
     })
 }
 
-/// A curve in full chunks, but for the last.
+/// A curve in full chunks, except for the last.
 pub(crate) fn deformation_curve(sensor: u8, channel: u8, total: u8) -> Vec<Command> {
     let knots: Vec<_> = (0..total)
         .map(|index| DeformationKnot {
@@ -171,8 +171,8 @@ pub(crate) fn identity(id: u32) -> Command {
     })
 }
 
-/// What a calibrated instrument with one channel has: every kind of part, and a law for the
-/// magnetorheological effect. The fixture holds it, so it stays as it is.
+/// Configuration of a calibrated instrument with one channel: every kind of part, and a law for the
+/// magnetorheological effect. The fixture contains it, so it must not change.
 pub(crate) fn typical() -> Vec<Command> {
     let mut commands = vec![Command::SetSettings(settings()), tank(0, 0)];
     commands.extend(deformation_curve(0, 0, 32));
@@ -181,7 +181,7 @@ pub(crate) fn typical() -> Vec<Command> {
     commands
 }
 
-/// As much as there can be: two converters of four channels, and the longest curves.
+/// Largest configuration: two converters of four channels, and the longest curves.
 pub(crate) fn fullest() -> Vec<Command> {
     let channels = || (0..8).map(|index| (index / 4, index % 4));
     let mut commands = vec![Command::SetSettings(settings())];

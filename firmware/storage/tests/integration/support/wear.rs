@@ -3,7 +3,7 @@
 use super::flash::Flash;
 use super::{assert_stored, open, save};
 
-/// Erases of the sectors after some saves that differ in turn: the least and the greatest.
+/// Returns the smallest and the largest erase count of the sectors after saves that differ in turn.
 pub(crate) fn wear(saves: u32, of: impl Fn(u32) -> Vec<palpate_wire::Command>) -> (u32, u32) {
     let mut flash = Flash::<4>::new();
     let mut store = open(&mut flash).unwrap();
