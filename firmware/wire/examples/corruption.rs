@@ -1,11 +1,11 @@
-//! Damages frames in every way there is and counts those that are taken for sound.
+//! Corrupts frames in every way and counts those that the decoder accepts.
 //!
 //! ```text
 //! cargo run --release -p palpate-wire --example corruption -- [COUNT] [SEED]
 //! ```
 //!
-//! It fails if a damaged frame was received as a sound one, or if the decoder was not back in step
-//! one frame after the damage.
+//! Fails if the decoder accepts a corrupted frame, or does not resynchronise within one frame after the
+//! damage.
 
 use std::process::ExitCode;
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Writes anew what is made from the code: the fixture, and the tables and the worked example in
-//! docs/protocol.md. The tests fail while either is out of date.
+//! Regenerates everything that is made from the code: the fixture, and the tables and the worked example
+//! in docs/protocol.md. The tests fail while either is out of date.
 //!
 //! ```text
 //! cargo run -p palpate-wire --example generate

@@ -1,11 +1,11 @@
-//! The check of values against the limits of their fields.
+//! Checks values against the limits of their fields.
 
 use heapless::{String, Vec};
 
 use crate::schema::Range;
 use crate::validation::{Invalid, Problem};
 
-/// Number and limits of the field that a value stands in.
+/// Number and limits of a field.
 #[derive(Debug)]
 pub(crate) struct FieldLimits {
     /// Number of the field in its structure.
@@ -15,10 +15,10 @@ pub(crate) struct FieldLimits {
 }
 
 impl FieldLimits {
-    /// Of a value that is no field: a whole payload.
+    /// For a whole payload, which is no single field.
     const NONE: Self = Self::new(0, &Range::NONE);
 
-    /// A field with its limits.
+    /// Returns the number and the limits of a field.
     pub(crate) const fn new(field: u8, range: &Range) -> Self {
         Self {
             field,
@@ -34,18 +34,18 @@ pub(crate) trait Check {
     fn check(&self, limits: &'static FieldLimits, checker: &mut Checker);
 }
 
-/// Checks a value, and returns the first thing that is wrong.
+/// Checks a value and returns the first error.
 pub(crate) fn check<T: Check>(value: &T) -> Result<(), Invalid> {
     let mut checker = Checker::default();
     value.check(&FieldLimits::NONE, &mut checker);
     checker.first.map_or(Ok(()), Err)
 }
 
-/// Keeps the first thing that is wrong.
+/// Keeps the first error.
 #[derive(Debug, Default)]
 pub(crate) struct Checker {
     first: Option<Invalid>,
-    /// The item of a list that is being checked.
+    /// Index of the list item being checked.
     item: Option<u8>,
 }
 
@@ -69,12 +69,12 @@ impl Checker {
         }
     }
 
-    /// An enumeration that has no name for its number.
+    /// Reports a number that the enumeration does not contain.
     pub(crate) fn unknown_code(&mut self, number: u8, limits: &FieldLimits) {
         self.refuse(limits, Problem::UnknownCode { number });
     }
 
-    /// A rule that concerns several fields: for values that are right, each by itself.
+    /// Checks a rule on several fields, if each field by itself is valid.
     pub(crate) fn rule(&mut self, rule: impl FnOnce() -> Result<(), Invalid>) {
         if self.first.is_none() {
             self.first = rule().err();
@@ -85,7 +85,7 @@ impl Checker {
 macro_rules! number {
     ($($number:ident)+) => {$(
         impl Check for $number {
-            // One call a field; inlined, the check of commands takes a third more code.
+            // One call per field; inlined, the check of commands takes a third more code.
             #[inline(never)]
             fn check(&self, limits: &'static FieldLimits, checker: &mut Checker) {
                 checker.number(f64::from(*self), limits);

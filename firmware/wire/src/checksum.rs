@@ -1,16 +1,16 @@
 //! The CRC-32 at the end of every frame.
 //!
-//! It is CRC-32/ISCSI, also called CRC-32C (Castagnoli). Over 5,243 bits and fewer, and so over
-//! every frame here, it finds each error of up to five bits; the CRC-32 of Ethernet and zlib does
-//! so over 268 bits only (P. Koopman, *32-bit cyclic redundancy codes for Internet applications*,
-//! DSN 2002). For the length of the longest frame a test shows it.
+//! It is CRC-32/ISCSI, also called CRC-32C (Castagnoli). Up to 5,243 bits, and so for every frame here,
+//! it detects each error of up to five bits; the CRC-32 of Ethernet and zlib does so up to 268 bits only
+//! (P. Koopman, *32-bit cyclic redundancy codes for Internet applications*, DSN 2002). A test shows it
+//! for the length of the longest frame.
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
-/// A CRC in the making.
+/// A CRC that is being computed.
 pub(crate) type Digest = crc::Digest<'static, u32, Table<1>>;
 
-/// One copy of the table, 1 KiB.
+/// The table exists once, 1 KiB.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Starts a CRC.
@@ -18,7 +18,7 @@ pub(crate) const fn digest() -> Digest {
     CRC.digest()
 }
 
-/// CRC-32/ISCSI of some bytes, as it stands at the end of a frame.
+/// Returns the CRC-32/ISCSI of some bytes, as at the end of a frame.
 ///
 /// ```
 /// // The published check value.

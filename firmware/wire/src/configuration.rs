@@ -1,4 +1,4 @@
-//! Which settings and calibration are in force.
+//! CRC of the active settings and calibration.
 
 use core::borrow::Borrow;
 
@@ -7,11 +7,11 @@ use crate::checksum::{Digest, digest};
 use crate::encoder::payload;
 use crate::message::Message;
 
-/// CRC-32 over the commands that would set a configuration: the number that `hello` reports.
+/// Returns the CRC-32 over the commands that would set a configuration, the number that `hello` reports.
 ///
-/// It runs over the kind and the payload of each, ordered by kind, the identity last, then sensor, channel and
-/// first knot, with every chunk of a curve but the last one full, and with nothing for what was never
-/// set. Device and PC give the same commands in the same order and get the same number.
+/// It covers the kind and the payload of each command, ordered by kind with the identity last, then by
+/// sensor, channel and first knot. Every chunk of a curve except the last is full, and parts that were
+/// never set are omitted. Device and PC use the same commands in the same order and get the same number.
 pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> u32 {
     let mut crc = ConfigurationCrc::new();
     for command in commands {
@@ -20,7 +20,7 @@ pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> 
     crc.value()
 }
 
-/// The same, where the commands come one at a time.
+/// Incremental form of [`configuration_crc`], one command at a time.
 ///
 /// ```
 /// use palpate_wire::{Command, ConfigurationCrc, configuration_crc};
@@ -33,12 +33,12 @@ pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> 
 pub struct ConfigurationCrc(Digest);
 
 impl ConfigurationCrc {
-    /// Over no command.
+    /// Starts without a command.
     pub const fn new() -> Self {
         Self(digest())
     }
 
-    /// Goes on with a command.
+    /// Adds a command.
     pub fn add(&mut self, command: &Command) {
         let mut buffer = [0; Command::MAX_PAYLOAD];
         self.0.update(&[command.kind()]);
@@ -47,7 +47,7 @@ impl ConfigurationCrc {
             .update(payload(command, &mut buffer).unwrap_or_default());
     }
 
-    /// The CRC over the commands so far.
+    /// Returns the CRC over the commands so far.
     pub fn value(&self) -> u32 {
         self.0.clone().finalize()
     }

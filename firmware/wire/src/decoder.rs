@@ -1,4 +1,4 @@
-//! From bytes to messages.
+//! Decoding: bytes to messages.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -15,9 +15,9 @@ use crate::message::sealed::Reader;
 
 /// Decodes a stream of bytes, in pieces of any size.
 ///
-/// A zero byte ends every frame and occurs nowhere else, so that the decoder is back in step with
-/// the first zero after any disturbance. It holds `N` bytes, and never more than one frame. Use it
-/// as [`RecordDecoder`](crate::RecordDecoder) or [`CommandDecoder`](crate::CommandDecoder).
+/// A zero byte ends every frame and occurs nowhere else, so the decoder resynchronises at the first zero
+/// after any disturbance. It buffers `N` bytes and never more than one frame. Use it as
+/// [`RecordDecoder`](crate::RecordDecoder) or [`CommandDecoder`](crate::CommandDecoder).
 ///
 /// ```
 /// use palpate_wire::{Command, CommandDecoder, Header, Message, encode};
@@ -44,32 +44,32 @@ pub struct Decoder<M, const N: usize> {
     message: PhantomData<fn() -> M>,
 }
 
-/// Frames by what became of them, each counted once. A counter goes on from 0 after 4294967295.
+/// Numbers of frames by result, each frame counted once. A counter wraps to 0 after 4294967295.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counts {
-    /// Decoded.
+    /// Decoded frames.
     pub frames: u32,
-    /// Ended where COBS does not.
+    /// Frames that end in the middle of a COBS block.
     pub stuffing: u32,
-    /// Longer than any frame.
+    /// Frames longer than the maximum.
     pub too_long: u32,
-    /// Shorter than any frame.
+    /// Frames shorter than the minimum.
     pub too_short: u32,
-    /// With a wrong CRC-32.
+    /// Frames with a wrong CRC-32.
     pub checksum: u32,
-    /// Of another major version.
+    /// Frames of another major version.
     pub version: u32,
-    /// With a right CRC-32 and a header that cannot be read.
+    /// Frames with a correct CRC-32 and an unreadable header.
     pub header: u32,
-    /// Of a kind that this version or direction does not have.
+    /// Frames of a kind that this version or direction does not have.
     pub unknown_kind: u32,
-    /// With a right CRC-32 and a payload that cannot be read.
+    /// Frames with a correct CRC-32 and an unreadable payload.
     pub payload: u32,
 }
 
 impl Counts {
-    /// Frames that were changed or cut on the way, or were none.
+    /// Returns the number of frames that were changed or cut in transit, or were not frames.
     pub const fn damaged(&self) -> u32 {
         self.stuffing
             .wrapping_add(self.too_long)
@@ -77,7 +77,7 @@ impl Counts {
             .wrapping_add(self.checksum)
     }
 
-    /// Frames that came as they were sent and could not be understood.
+    /// Returns the number of frames that arrived unchanged but could not be decoded.
     pub const fn not_understood(&self) -> u32 {
         self.version
             .wrapping_add(self.header)
@@ -101,58 +101,59 @@ impl Counts {
     }
 }
 
-/// Why bytes up to a zero are no frame that can be used.
+/// Error of the bytes up to a zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
-    /// The zero came where COBS has none: bytes were lost, or reception began within a frame.
+    /// The zero came in the middle of a COBS block: bytes were lost, or reception began within a frame.
     Stuffing,
-    /// More bytes than any frame has: the zero between two was lost.
+    /// More bytes than the longest frame: the zero between two frames was lost.
     TooLong,
-    /// Fewer bytes than any frame has.
+    /// Fewer bytes than the shortest frame.
     TooShort,
     /// The CRC-32 is wrong.
     Checksum,
     /// The frame is of another major version of the protocol.
     Version {
-        /// That version.
+        /// Major version of the frame.
         found: u8,
     },
-    /// The header cannot be read: the sender is defective.
+    /// The header is unreadable: the sender is defective.
     Header,
-    /// The kind is not known: the sender has a later minor version, or speaks the other way.
+    /// The kind is unknown: the sender has a later minor version, or the frame is of the other
+    /// direction.
     UnknownKind {
-        /// The header.
+        /// Header of the frame.
         header: Header,
-        /// The kind.
+        /// Kind of the message.
         kind: u8,
     },
-    /// The payload cannot be read: the sender was built from other sources, or is defective.
+    /// The payload is unreadable: the sender was built from other sources, or is defective.
     Payload {
-        /// The header.
+        /// Header of the frame.
         header: Header,
-        /// The kind.
+        /// Kind of the message.
         kind: u8,
-        /// What is wrong.
+        /// Error of the payload.
         cause: PayloadError,
     },
 }
 
-/// Why a payload cannot be read.
+/// Error of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PayloadError {
     /// A field has bytes that its type does not allow, or the payload ends early.
     Malformed,
-    /// Bytes are left over.
+    /// The payload has excess bytes.
     Excess {
-        /// How many.
+        /// Number of excess bytes.
         bytes: usize,
     },
 }
 
 impl FrameError {
-    /// The header of a frame that arrived and was not understood: it counts as received.
+    /// Returns the header of a frame that arrived but was not decoded: it counts as received.
     pub const fn header(&self) -> Option<&Header> {
         match self {
             Self::UnknownKind { header, .. } | Self::Payload { header, .. } => Some(header),
@@ -199,7 +200,7 @@ impl fmt::Display for FrameError {
 impl core::error::Error for FrameError {}
 
 impl<M: Message, const N: usize> Decoder<M, N> {
-    /// A decoder that has received nothing.
+    /// Creates a decoder that has received nothing.
     pub const fn new() -> Self {
         Self {
             stuffing: DecoderState::Idle,
@@ -220,7 +221,7 @@ impl<M: Message, const N: usize> Decoder<M, N> {
         }
     }
 
-    /// Takes a byte; the zero at the end of a frame returns it.
+    /// Takes a byte; returns a frame at the zero that ends it.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<M>, FrameError>> {
         let ended = match self.stuffing.feed(byte) {
             Ok(DecodeResult::NoData) => return None,
@@ -242,8 +243,8 @@ impl<M: Message, const N: usize> Decoder<M, N> {
         Some(result)
     }
 
-    /// Takes bytes and returns the frames that end within them, one by one: the iterator has to
-    /// be used up for all bytes to be taken.
+    /// Takes bytes and returns the frames that end within them, one by one. Consume the whole iterator,
+    /// or bytes are not taken.
     pub fn frames<'a>(
         &'a mut self,
         bytes: &'a [u8],
@@ -251,7 +252,7 @@ impl<M: Message, const N: usize> Decoder<M, N> {
         bytes.iter().filter_map(|&byte| self.push(byte))
     }
 
-    /// What has been received so far.
+    /// Returns the counts so far.
     pub const fn counts(&self) -> &Counts {
         &self.counts
     }
@@ -263,7 +264,7 @@ impl<M: Message, const N: usize> Default for Decoder<M, N> {
     }
 }
 
-/// Reads what COBS contained.
+/// Decodes a frame after COBS.
 fn parse<M: Message>(body: &[u8]) -> Result<Frame<M>, FrameError> {
     let Some((content, checksum)) = body.split_last_chunk::<CHECKSUM>() else {
         return Err(FrameError::TooShort);

@@ -1,4 +1,4 @@
-//! From messages to bytes.
+//! Encoding: messages to bytes.
 
 use core::fmt;
 
@@ -12,7 +12,7 @@ use crate::message::Message;
 use crate::message::sealed::Writer;
 use crate::{Record, VERSION};
 
-/// The buffer cannot hold the frame. [`Message::MAX_FRAME`] bytes hold any.
+/// Error: the buffer is too small for the frame. [`Message::MAX_FRAME`] bytes are always enough.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BufferTooSmall;
@@ -29,8 +29,8 @@ impl fmt::Display for BufferTooSmall {
 
 impl core::error::Error for BufferTooSmall {}
 
-/// Encodes a frame and returns the part of the buffer that it fills. It takes one pass over the
-/// message and no memory besides.
+/// Encodes a frame and returns the filled part of the buffer. Takes one pass over the message and no
+/// further memory.
 ///
 /// ```
 /// use palpate_wire::{Command, Header, Message, encode};
@@ -49,7 +49,7 @@ pub fn encode<'buffer, M: Message>(
     buffer.get(..length).ok_or(BufferTooSmall)
 }
 
-/// Encodes a frame into a vector of its own.
+/// Encodes a frame into a new vector.
 pub fn encode_vec<M: Message, const N: usize>(
     header: &Header,
     message: &M,
@@ -61,11 +61,11 @@ pub fn encode_vec<M: Message, const N: usize>(
     Ok(frame)
 }
 
-/// Returns the length of the frame; nothing if the buffer is too small.
+/// Returns the length of the frame; `None` if the buffer is too small.
 fn fill<M: Message>(header: &Header, message: &M, buffer: &mut [u8]) -> Option<usize> {
-    // What `stuff` relies on.
+    // `stuff` relies on this.
     const { assert!(M::MAX_FRAME <= LONGEST_RUN) };
-    // Behind the place of the first distance.
+    // After the position of the first distance.
     let mut to = writer(buffer.get_mut(1..)?);
     (VERSION, message.kind(), header).serialize(&mut to).ok()?;
     message.write(&mut to).ok()?;
@@ -80,7 +80,7 @@ fn fill<M: Message>(header: &Header, message: &M, buffer: &mut [u8]) -> Option<u
     Some(checked + 1)
 }
 
-/// The payload of a message, without frame and header; nothing if the buffer is too small.
+/// Encodes the payload of a message, without frame and header; `None` if the buffer is too small.
 pub(crate) fn payload<'buffer, M: Message>(
     message: &M,
     buffer: &'buffer mut [u8],
@@ -96,13 +96,13 @@ fn writer(buffer: &mut [u8]) -> Writer<'_> {
     }
 }
 
-/// The longest run of bytes without a zero that COBS counts in one byte, and a byte: as long as a
-/// frame is no longer, no byte has to be put between others.
+/// Largest distance that COBS stores in one byte. A frame of at most this length needs no further bytes
+/// within it.
 const LONGEST_RUN: usize = 254;
 
-/// COBS in place: the first byte and every zero become the distance to the next zero, the last of
-/// which follows the frame. Postcard's `Cobs` stuffs byte by byte, which takes longer, and has a
-/// panic path.
+/// Applies COBS in place: the first byte and every zero become the distance to the next zero; the last
+/// zero follows the frame. Postcard's `Cobs` stuffs byte by byte, which takes longer, and has a panic
+/// path.
 fn stuff(frame: &mut [u8]) {
     let mut distance = 0;
     if let Some(first) = frame.first_mut() {
@@ -119,9 +119,9 @@ fn stuff(frame: &mut [u8]) {
 
 /// Numbers the frames of one sender.
 ///
-/// Every frame that is produced is stamped, and every stamped frame that is not sent is counted
-/// as dropped, so that the receiver's account is exact. When there is no room, drop the newest
-/// frame and not one that waits, whose successors already carry their count.
+/// Stamp every frame that is produced, and count every stamped frame that is not sent as dropped, so
+/// that the receiver's account is exact. Without space, drop the newest frame and not a waiting one,
+/// whose successors already carry their count.
 ///
 /// ```
 /// use palpate_wire::Sequencer;
@@ -141,7 +141,7 @@ pub struct Sequencer {
 }
 
 impl Sequencer {
-    /// Starts from frame 0. A device gives its boot id, a PC that of the device it speaks to.
+    /// Starts from frame 0. A device passes its boot id, a PC that of its device.
     pub const fn new(boot_id: u32) -> Self {
         Self {
             boot_id,
@@ -150,7 +150,7 @@ impl Sequencer {
         }
     }
 
-    /// Goes on after a frame with this header, which was sent.
+    /// Continues after a sent frame with this header.
     ///
     /// ```
     /// use palpate_wire::{Header, Sequencer};
@@ -166,7 +166,7 @@ impl Sequencer {
         }
     }
 
-    /// Header of a new frame.
+    /// Returns the header of a new frame.
     pub const fn stamp(&mut self, time_us: u64) -> Header {
         let header = Header {
             boot_id: self.boot_id,
@@ -178,12 +178,12 @@ impl Sequencer {
         header
     }
 
-    /// Counts the frame stamped last as dropped.
+    /// Counts the last stamped frame as dropped.
     pub const fn count_dropped(&mut self) {
         self.dropped = self.dropped.wrapping_add(1);
     }
 
-    /// Addresses the following commands to another boot; the numbers go on.
+    /// Addresses the following commands to another boot; the numbers continue.
     pub const fn address(&mut self, boot_id: u32) {
         self.boot_id = boot_id;
     }

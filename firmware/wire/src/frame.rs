@@ -1,4 +1,4 @@
-//! What every frame has in common.
+//! Common parts of all frames.
 
 use crate::schema::Described;
 
@@ -24,7 +24,7 @@ impl Copy for Header {}
 impl Eq for Header {}
 
 impl Header {
-    /// Addressee of a command that is meant for any boot.
+    /// Addressee of a command for any boot.
     pub const ANY_BOOT: u32 = 0;
 }
 
@@ -33,23 +33,23 @@ impl Header {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(deny_unknown_fields)]
 pub struct Frame<M> {
-    /// The header.
+    /// Header of the frame.
     pub header: Header,
     /// The message.
     pub message: M,
 }
 
-/// Bytes for version and kind.
+/// Number of bytes of version and kind.
 pub(crate) const PREFIX: usize = 2;
 
-/// Bytes of the CRC-32.
+/// Number of bytes of the CRC-32.
 pub(crate) const CHECKSUM: usize = 4;
 
-/// Greatest number of bytes before the payload: version, kind and header.
+/// Maximum number of bytes before the payload: version, kind and header.
 pub const MAX_HEADER: usize = PREFIX + Header::TYPE.max_size();
 
-/// Greatest size of a frame with a payload of some size: header, payload and CRC-32, what COBS adds
-/// to them, and the zero at the end.
+/// Returns the largest frame size for a payload size: header, payload and CRC-32, the overhead of COBS,
+/// and the zero at the end.
 ///
 /// ```
 /// use palpate_wire::{Command, Message, Record};

@@ -1,39 +1,38 @@
-//! What a receiver has and what it lacks.
+//! Account of received and missing frames.
 //!
-//! The device numbers a frame when it produces it, whether it can send it or not. So for every boot
+//! The device numbers every frame that it produces, sent or not. So for every boot
 //!
-//! produced = received + missing, missing = dropped by the device + lost or damaged on the way,
+//! produced = received + missing, missing = dropped by the device + lost or damaged in transit,
 //!
-//! exactly, counted from the first received frame up to the last. A damaged frame
-//! shows up among the missing ones by its number, and must not be counted again.
+//! exactly, counted from the first received frame to the last. A damaged frame shows as a missing number
+//! and must not be counted again.
 
 use crate::Header;
 
-/// How far back a late frame is distinguished from a repeated one, in frames.
+/// Number of frames within which a late frame is distinguished from a repeated one.
 const WINDOW: u32 = 128;
 
-/// What a frame is to the receiver.
+/// Classification of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {
-    /// The first frame of a boot that was not seen before: the device has started anew, unless
-    /// it is the first frame of all. What was produced between the last frame of the boot before
-    /// and its end cannot be known.
+    /// The first frame of a new boot: the device has restarted, unless it is the very first frame. The
+    /// number of frames between the last one of the previous boot and its end is unknown.
     FirstOfBoot,
     /// The frame after the last one.
     Next,
-    /// A later frame: those between are missing, for now.
+    /// A later frame: those between are missing so far.
     AfterGap {
-        /// How many.
+        /// Number of missing frames.
         missing: u32,
     },
     /// A frame that was missing.
     Late,
-    /// A frame that was received before: not counted again.
+    /// A frame that was received before; not counted again.
     Duplicate,
-    /// A frame from so long ago, or from before the first one, that the account does not show
-    /// whether it was received: not counted.
+    /// A frame too old, or from before the first one, so that the account cannot tell whether it was
+    /// received; not counted.
     Stale,
 }
 
@@ -42,13 +41,13 @@ pub enum Arrival {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tally {
     boot_id: u32,
-    /// Number of the first frame, and the one after the last: counted on beyond 32 bits.
+    /// Numbers of the first frame, and of the one after the last, extended beyond 32 bits.
     first: u64,
     next: u64,
     received: u64,
     duplicates: u64,
     stale: u64,
-    /// The sender's count in the last frame, and how far it has risen since the first.
+    /// Dropped count in the last frame, and its rise since the first.
     dropped_at_last: u32,
     dropped: u64,
     /// Bit n: frame `next - 1 - n` was received.
@@ -72,13 +71,13 @@ impl Tally {
     }
 
     fn take(&mut self, header: &Header) -> Arrival {
-        // The lower 32 bits of `next`: the number that is expected.
+        // Lower 32 bits of `next`: the expected number.
         let expected = self.next as u32;
         let ahead = header.sequence.wrapping_sub(expected);
         if ahead <= u32::MAX / 2 {
             return self.take_ahead(ahead, header.dropped);
         }
-        // 1 for the last frame received, 2 for the one before it.
+        // 1 for the last received frame, 2 for the one before it.
         let behind = expected.wrapping_sub(header.sequence);
         let after_first = self.next - self.first;
         if behind > WINDOW || u64::from(behind) > after_first {
@@ -108,49 +107,49 @@ impl Tally {
         }
     }
 
-    /// The boot.
+    /// Returns the boot id.
     pub const fn boot_id(&self) -> u32 {
         self.boot_id
     }
 
-    /// Frames that the device had produced before the first one received: none, if the receiver
-    /// listened from the start.
+    /// Returns the number of frames that the device had produced before the first received one: 0 if the
+    /// receiver was connected from the start.
     pub const fn before_first(&self) -> u64 {
         self.first
     }
 
-    /// Frames produced from the first one received to the last.
+    /// Returns the number of frames produced from the first received one to the last.
     pub const fn produced(&self) -> u64 {
         self.next - self.first
     }
 
-    /// Frames received, each counted once.
+    /// Returns the number of received frames, each counted once.
     pub const fn received(&self) -> u64 {
         self.received
     }
 
-    /// Frames produced and not received.
+    /// Returns the number of frames that were produced and not received.
     pub const fn missing(&self) -> u64 {
         self.produced() - self.received
     }
 
-    /// Those of the missing frames that the device says it has dropped.
+    /// Returns the number of missing frames that the device reports as dropped.
     pub const fn dropped_by_device(&self) -> u64 {
         self.dropped
     }
 
-    /// Those of the missing frames that were lost or damaged on the way; `None` when the device
-    /// says that it has dropped more than are missing, which no working device does.
+    /// Returns the number of missing frames that were lost or damaged in transit. `None` if the device
+    /// reports more dropped frames than are missing, which no working device does.
     pub const fn lost_on_the_way(&self) -> Option<u64> {
         self.missing().checked_sub(self.dropped)
     }
 
-    /// Frames that came again.
+    /// Returns the number of repeated frames.
     pub const fn duplicates(&self) -> u64 {
         self.duplicates
     }
 
-    /// Frames that came too late to be distinguished from repeated ones.
+    /// Returns the number of frames too late to be distinguished from repeated ones.
     pub const fn stale(&self) -> u64 {
         self.stale
     }
@@ -158,7 +157,7 @@ impl Tally {
 
 /// Keeps the account of a stream of records.
 ///
-/// Give it the header of every frame that came undamaged, also of one that was not understood
+/// Pass the header of every undamaged frame, also of one that was not decoded
 /// ([`FrameError::header`](crate::FrameError::header)).
 ///
 /// ```
@@ -186,7 +185,7 @@ pub struct Account {
 }
 
 impl Account {
-    /// An account without a frame.
+    /// Creates an account without frames.
     pub const fn new() -> Self {
         Self {
             current: None,
@@ -195,7 +194,7 @@ impl Account {
         }
     }
 
-    /// Enters a frame.
+    /// Adds a frame.
     pub fn take(&mut self, header: &Header) -> Arrival {
         for tally in [&mut self.current, &mut self.previous] {
             if let Some(tally) = tally
@@ -210,17 +209,17 @@ impl Account {
         Arrival::FirstOfBoot
     }
 
-    /// The boot that was last seen.
+    /// Returns the tally of the last seen boot.
     pub const fn current(&self) -> Option<&Tally> {
         self.current.as_ref()
     }
 
-    /// The boot before it. Frames of it that come late are still entered here.
+    /// Returns the tally of the previous boot. Its late frames are still added.
     pub const fn previous(&self) -> Option<&Tally> {
         self.previous.as_ref()
     }
 
-    /// How many boots were seen.
+    /// Returns the number of boots seen.
     pub const fn boots(&self) -> u32 {
         self.boots
     }

@@ -1,8 +1,8 @@
 //! One source for a type, its description and its check.
 
-/// Defines a structure of the format: fields in their order on the wire, quantities with unit and
-/// limits in brackets. The unit of a plain number is 1, and that of what only names something is
-/// empty. A function after `also` checks what concerns several fields.
+/// Defines a structure of the format: fields in their order on the wire, quantities with unit and limits
+/// in brackets. The unit of a plain number is 1; that of a name or index is empty. A function after
+/// `also` checks rules on several fields.
 macro_rules! structure {
     (
         $(#[doc = $doc:literal])+
@@ -73,7 +73,7 @@ macro_rules! structure {
     };
 }
 
-/// Unit and limits of a field, as far as it has them.
+/// Returns unit and limits of a field, as far as it has them.
 macro_rules! range {
     () => {
         $crate::schema::Range::NONE
@@ -93,7 +93,7 @@ macro_rules! range {
     };
 }
 
-/// The same in words.
+/// Returns unit and limits as text.
 macro_rules! range_doc {
     ("", $low:literal, $high:literal) => {
         concat!("From ", $low, " to ", $high, ".")
@@ -141,7 +141,7 @@ macro_rules! codes {
             /// Every value that this version knows.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// The number on the wire.
+            /// Returns the number on the wire.
             #[inline(never)]
             pub const fn number(self) -> u8 {
                 match self {
@@ -150,7 +150,7 @@ macro_rules! codes {
                 }
             }
 
-            /// The value with a number; `Unknown` only for a number that no other value has.
+            /// Returns the value with a number; `Unknown` only for a number without another value.
             pub const fn from_number(number: u8) -> Self {
                 match number {
                     $($number => Self::$variant,)+
@@ -158,7 +158,7 @@ macro_rules! codes {
                 }
             }
 
-            /// The name in text formats.
+            /// Returns the name in text formats.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $text,)+
@@ -166,7 +166,7 @@ macro_rules! codes {
                 }
             }
 
-            /// What the value means, for a person to read.
+            /// Returns the meaning of the value, as text for a person.
             pub const fn meaning(self) -> &'static str {
                 match self {
                     $(Self::$variant => concat!($($entry_doc, "\n"),+),)+

@@ -1,5 +1,5 @@
-//! The format, described as data: what a program needs to print a table of it, to name a field, to
-//! compare two builds, or to know how large a frame can become.
+//! Description of the format as data: with it a program can print tables of the format, name fields,
+//! compare two builds, and compute the largest size of a frame.
 //!
 //! A firmware that only encodes and decodes contains none of it.
 
@@ -9,8 +9,8 @@ use crate::checksum::{Digest, digest};
 use crate::message::Message;
 use crate::{Command, Header, MINOR_VERSION, Record, VERSION};
 
-/// Type of a field. The encoding is that of postcard: integers above eight bits as varints, floats
-/// as they are, least significant byte first.
+/// Type of a field. The encoding is that of postcard: integers above eight bits as varints, floats as
+/// bytes, least significant byte first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Type {
     /// One byte, 0 or 1.
@@ -27,85 +27,85 @@ pub enum Type {
     F32,
     /// Eight bytes, IEEE 754.
     F64,
-    /// One byte, 0 or 1, and after a 1 the value.
+    /// One byte, 0 or 1; after a 1 the value.
     Optional(&'static Type),
-    /// The number of items, a varint of one byte, and the items.
+    /// Number of items as a varint of one byte, then the items.
     List {
         /// Type of an item.
         item: &'static Type,
-        /// Greatest number of items, below 128.
+        /// Maximum number of items, below 128.
         capacity: u8,
     },
-    /// The length in bytes, a varint of one byte, and UTF-8.
+    /// Length in bytes as a varint of one byte, then UTF-8.
     Text {
-        /// Greatest length in bytes, below 128.
+        /// Maximum length in bytes, below 128.
         capacity: u8,
     },
     /// One byte: a number with a meaning.
     Code(&'static CodeTable),
-    /// Its fields, one after the other.
+    /// The fields in order.
     Structure(&'static Structure),
 }
 
-/// Numbers with their meanings.
+/// Numbers of an enumeration with their meanings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CodeTable {
     /// Name of the enumeration.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the enumeration.
     pub doc: &'static str,
-    /// Its numbers.
+    /// Numbers of the enumeration.
     pub entries: &'static [Entry],
 }
 
 /// A number with its meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// The number; it keeps its meaning for ever.
+    /// The number; its meaning never changes.
     pub number: u8,
     /// Its name in text formats.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the number.
     pub doc: &'static str,
 }
 
 /// Fields in their order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Structure {
-    /// Its name.
+    /// Name of the structure.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose of the structure.
     pub doc: &'static str,
-    /// Its fields.
+    /// Fields of the structure.
     pub fields: &'static [Field],
 }
 
-/// A field; its number is its place in its structure, from 0.
+/// A field; its number is its index in the structure, from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
-    /// Its name.
+    /// Name of the field.
     pub name: &'static str,
-    /// What it says.
+    /// Meaning of the field.
     pub doc: &'static str,
-    /// Its type.
+    /// Type of the field.
     pub of: Type,
-    /// Its unit and limits, where it is a quantity.
+    /// Unit and limits, if it is a quantity.
     pub range: Range,
 }
 
 /// Unit and limits of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Unit; `1` for a plain number, empty for what is no quantity.
+    /// Unit; `1` for a plain number, empty for a name or an index.
     pub unit: &'static str,
-    /// Least value.
+    /// Smallest value.
     pub low: f32,
-    /// Greatest value.
+    /// Largest value.
     pub high: f32,
 }
 
 impl Range {
-    /// Of a field that is no quantity.
+    /// For a field that is not a quantity.
     pub const NONE: Self = Self {
         unit: "",
         low: f32::NEG_INFINITY,
@@ -120,15 +120,15 @@ pub struct Kind {
     pub number: u8,
     /// Its name in text formats.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose of the message.
     pub doc: &'static str,
-    /// What follows the header, if anything does.
+    /// Structure after the header, if there is one.
     pub payload: Option<&'static Structure>,
 }
 
-/// A value of the format, described.
+/// A value of the format with a description.
 pub trait Described {
-    /// Its type.
+    /// Type of the value.
     const TYPE: Type;
 }
 
@@ -167,14 +167,14 @@ impl<const N: usize> Described for String<N> {
     };
 }
 
-/// A capacity that takes one byte on the wire. Evaluated by the compiler only.
+/// Converts a capacity that takes one byte on the wire; evaluated at compile time only.
 const fn capacity(length: usize) -> u8 {
     assert!(length < 128, "a list's length has to fit one byte");
     length as u8
 }
 
 impl Type {
-    /// Greatest number of bytes of a value.
+    /// Returns the largest number of bytes of a value.
     pub const fn max_size(&self) -> usize {
         match self {
             Self::Bool | Self::U8 | Self::Code(_) => 1,
@@ -190,7 +190,7 @@ impl Type {
         }
     }
 
-    /// The structure, if it is one.
+    /// Returns the structure, if it is one.
     pub const fn structure(&self) -> Option<&'static Structure> {
         match self {
             Self::Structure(structure) => Some(structure),
@@ -219,7 +219,7 @@ impl Type {
 }
 
 impl Structure {
-    /// Greatest number of bytes of a value.
+    /// Returns the largest number of bytes of a value.
     pub const fn max_size(&self) -> usize {
         let mut rest = self.fields;
         let mut size = 0;
@@ -256,7 +256,7 @@ impl CodeTable {
 
 const fn absorb(mut digest: Digest, text: &str) -> Digest {
     digest.update(text.as_bytes());
-    // No name contains a zero byte, so that no two descriptions run together.
+    // No name contains a zero byte, so different descriptions never give the same bytes.
     digest.update(&[0]);
     digest
 }
@@ -277,7 +277,7 @@ const fn absorb_kinds(mut digest: Digest, mut rest: &[Kind]) -> Digest {
     digest
 }
 
-/// Index of a field in a structure, for the compiler only: a wrong name does not compile.
+/// Returns the index of a field in a structure, at compile time: a wrong name does not compile.
 pub const fn field_number(of: &Type, name: &str) -> u8 {
     if let Type::Structure(structure) = of {
         let mut rest = structure.fields;
@@ -303,7 +303,7 @@ const fn equal(mut one: &[u8], mut other: &[u8]) -> bool {
     one.is_empty() && other.is_empty()
 }
 
-/// Greatest payload of some kinds.
+/// Returns the largest payload of some kinds.
 pub(crate) const fn max_payload(mut rest: &[Kind]) -> usize {
     let mut greatest = 0;
     while let [kind, others @ ..] = rest {
@@ -317,7 +317,7 @@ pub(crate) const fn max_payload(mut rest: &[Kind]) -> usize {
     greatest
 }
 
-/// The value of [`SCHEMA_HASH`](crate::SCHEMA_HASH).
+/// Returns the value of [`SCHEMA_HASH`](crate::SCHEMA_HASH).
 pub(crate) const fn hash() -> u32 {
     let mut digest = absorb_byte(absorb_byte(digest(), VERSION), MINOR_VERSION);
     digest = Header::TYPE.absorbed_by(digest);

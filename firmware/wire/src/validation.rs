@@ -1,32 +1,32 @@
-//! What is wrong with a value.
+//! Errors of values.
 
 use core::fmt;
 
 use crate::schema::{Field, Structure, Type};
 
-/// A field whose value cannot be accepted, by its number: the device that finds it needs no names.
-/// [`named`](Self::named) finds them.
+/// A field with an invalid value, by number: the device that detects it needs no names.
+/// [`named`](Self::named) adds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Invalid {
-    /// Number of the field: its place in the command, or in the item where there is one.
+    /// Number of the field: its index in the command, or in the item if it is in one.
     pub field: u8,
-    /// Index of the item in the command's list, if the field lies in one.
+    /// Index of the item in the command's list, if the field is in one.
     pub item: Option<u8>,
-    /// What is wrong.
+    /// Error of the value.
     pub problem: Problem,
 }
 
-/// The same by name, for people.
+/// An invalid field with its name, for people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InvalidField {
-    /// The field; none if the payload has none of this number.
+    /// The field; `None` if the payload has no field with this number.
     pub field: Option<&'static Field>,
-    /// What is wrong with it.
+    /// Error of the field.
     pub invalid: Invalid,
 }
 
-/// What is wrong with a value.
+/// Error of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Problem {
@@ -41,21 +41,21 @@ pub enum Problem {
         /// Greatest value allowed.
         high: f32,
     },
-    /// A number that the field's enumeration does not contain.
+    /// The field's enumeration does not contain the number.
     UnknownCode {
         /// The number.
         number: u8,
     },
-    /// Not above the value before it in the list.
+    /// Not larger than the previous value in the list.
     NotIncreasing {
         /// The value.
         value: f32,
-        /// The value before it.
+        /// The previous value.
         previous: f32,
     },
-    /// At odds with another field.
+    /// Contradicts another field.
     Inconsistent {
-        /// What would be right.
+        /// The violated rule.
         rule: &'static str,
     },
 }
@@ -69,7 +69,7 @@ impl Invalid {
         }
     }
 
-    /// Finds the field in the payload that was checked.
+    /// Adds the field's description from the payload that was checked.
     ///
     /// ```
     /// use palpate_wire::command::DriveCoil;
@@ -96,7 +96,7 @@ impl Invalid {
         InvalidField { field, invalid }
     }
 
-    /// In words, for a field of some name and unit.
+    /// Writes the error as text, for a field with this name and unit.
     fn write(
         &self,
         f: &mut fmt::Formatter<'_>,
@@ -151,7 +151,7 @@ impl core::error::Error for Invalid {}
 
 impl core::error::Error for InvalidField {}
 
-/// Refuses a structure whose fields contradict each other; the field of the given name is blamed.
+/// Refuses a structure whose fields contradict each other, and names this field.
 macro_rules! inconsistent {
     ($structure:ty, $field:literal, $rule:literal) => {
         Err($crate::validation::Invalid::new(

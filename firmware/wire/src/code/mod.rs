@@ -1,7 +1,7 @@
 //! Enumerations of the format: numbers with a meaning.
 //!
-//! A number keeps its meaning for ever and is one byte on the wire. In a text format a value is
-//! its name, and a number that this version does not know is that number.
+//! A number never changes its meaning and is one byte on the wire. In a text format a value is its name;
+//! a number that this version does not know stays that number.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -23,7 +23,7 @@ pub use procedure::{Contact, Drift, Mode, Part, State, Stream};
 pub use refusal::RefusalReason;
 pub use storage::{RebootTarget, StorageAction, StorageState};
 
-/// What the encodings need of an enumeration.
+/// Properties of an enumeration that the encodings need.
 pub(crate) trait Code: Copy {
     const NAMES: &'static [&'static str];
 

@@ -1,4 +1,4 @@
-//! Calibration: what was measured on this copy of the instrument.
+//! Calibration: values measured on this copy of the instrument.
 
 structure! {
     /// The resonator of a channel.

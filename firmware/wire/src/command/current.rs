@@ -5,11 +5,11 @@ use heapless::Vec;
 use crate::schema::Described;
 use crate::validation::{Invalid, inconsistent};
 
-/// Points of a correction, at most.
+/// Maximum number of points of a correction.
 pub const MAX_POINTS: usize = 17;
 
-/// Greatest change as a part of the current, and in ampere besides: more than the parts of a sound
-/// measurement may be off.
+/// Largest change, as a part of the current plus an offset in ampere: larger than the errors of the
+/// parts of a working measurement.
 const GREATEST_PART: f32 = 0.1;
 const GREATEST_A: f32 = 0.4;
 
@@ -29,7 +29,7 @@ structure! {
 }
 
 impl CurrentCorrection {
-    /// Measured current and its change at each point, in rising order.
+    /// Returns measured current and its change at each point, in rising order.
     pub fn points(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
         let last = self.changes_a.len().saturating_sub(1).max(1) as f32;
         let points = self.changes_a.iter().enumerate();

@@ -1,18 +1,18 @@
 //! Calibration curves, sent in chunks.
 //!
-//! A curve is a list of knots with rising arguments. The chunks are sent in order, the first one
-//! with `first` 0; the device takes the curve into use when the last knot has come, and keeps the
-//! old one until then.
+//! A curve is a list of knots with rising arguments. The chunks are sent in order, the first one with
+//! `first` 0. The device applies the curve when it has received the last knot, and uses the old one
+//! until then.
 
 use heapless::Vec;
 
 use crate::schema::Described;
 use crate::validation::{Invalid, Problem, inconsistent};
 
-/// Knots in a chunk, at most.
+/// Maximum number of knots in a chunk.
 pub const KNOTS_PER_CHUNK: usize = 8;
 
-/// Knots in a curve, at most.
+/// Maximum number of knots in a curve.
 pub const MAX_KNOTS: u8 = 32;
 
 structure! {
@@ -94,7 +94,7 @@ fn exceeds(total: u8, first: u8, knots: usize) -> bool {
     usize::from(first) + knots > usize::from(total)
 }
 
-/// Refuses arguments that do not rise: the first field of every knot.
+/// Refuses arguments that do not rise; an argument is the first field of a knot.
 fn rising(arguments: impl Iterator<Item = f32>) -> Result<(), Invalid> {
     let mut previous = f32::NEG_INFINITY;
     for (item, value) in arguments.enumerate() {

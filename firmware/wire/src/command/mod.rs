@@ -1,4 +1,4 @@
-//! Commands: what the host sends to the device.
+//! Commands from the host to the device.
 
 use crate::Message;
 use crate::decoder::Decoder;
@@ -111,12 +111,12 @@ messages! {
 }
 
 impl Command {
-    /// Whether a device whose boot id is `boot` may act on the command in a frame that is
-    /// addressed to `addressee`.
+    /// Returns whether a device with boot id `boot` may execute the command in a frame addressed to
+    /// `addressee`.
     ///
-    /// A command that was under way while the device restarted would meet a device in another
-    /// state than its sender saw: armed by mistake, or with other settings. So commands name the
-    /// boot that they are meant for. Those that make nothing less safe may be addressed to
+    /// A command that was in transit during a restart would reach the device in another state than its
+    /// sender assumed: armed by mistake, or with other settings. So a command carries the boot id of its
+    /// target. Commands that cannot reduce safety may be addressed to
     /// [`Header::ANY_BOOT`](crate::Header::ANY_BOOT).
     ///
     /// ```
@@ -135,5 +135,5 @@ impl Command {
     }
 }
 
-/// Decodes commands.
+/// Decoder of commands.
 pub type CommandDecoder = Decoder<Command, { MAX_HEADER + <Command as Message>::MAX_PAYLOAD + 4 }>;

@@ -1,4 +1,4 @@
-//! Settings: how the instrument is to be used.
+//! Settings: operating parameters of the instrument.
 
 use crate::code::{Drift, Stream};
 use crate::schema::Described;
@@ -64,12 +64,14 @@ structure! {
 }
 
 impl Settings {
-    /// Whether the converter can convert the active channels and no others: one alone, or in a scan all
-    /// from channel 0 up to one (LDC1614 datasheet, table 28). No part of
-    /// [`validate`](crate::Message::validate): what an earlier version has stored stays readable.
+    /// Checks that the converter can convert the active channels and no others: one alone, or a scan of
+    /// all from channel 0 to the highest (LDC1614 datasheet, table 28). Not part of
+    /// [`validate`](crate::Message::validate), so that settings stored by an earlier version stay
+    /// readable.
     ///
     /// # Errors
-    /// The field, with the values that are possible.
+    ///
+    /// The field, with the possible values.
     pub fn check_channels(&self) -> Result<(), Invalid> {
         let channels = self.channels;
         if channels.is_power_of_two() || channels.wrapping_add(1).is_power_of_two() {

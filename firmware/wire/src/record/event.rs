@@ -1,4 +1,4 @@
-//! What happens to the device.
+//! Records of events and states of the device.
 
 use heapless::Vec;
 
@@ -139,7 +139,7 @@ structure! {
 }
 
 impl Acknowledgement {
-    /// An answer without numbers.
+    /// Creates an answer without numbers.
     pub const fn new(command: &Header, kind: u8, outcome: Outcome) -> Self {
         Self {
             command: command.sequence,
@@ -153,12 +153,12 @@ impl Acknowledgement {
         }
     }
 
-    /// The answer to a command that is valid and begun.
+    /// Creates the answer to a valid command that has started.
     pub fn accepted<M: Message>(command: &Header, message: &M) -> Self {
         Self::new(command, message.kind(), Outcome::Accepted)
     }
 
-    /// The answer to a command with a field that cannot be accepted.
+    /// Creates the answer to a command with an invalid field.
     pub const fn invalid(command: &Header, kind: u8, invalid: &Invalid) -> Self {
         let (outcome, value, low, high) = match invalid.problem {
             Problem::NotFinite => (Outcome::NotFinite, None, None, None),
@@ -185,8 +185,8 @@ impl Acknowledgement {
         }
     }
 
-    /// The answer to a frame that arrived whole and could not be understood; `None` for one whose
-    /// header could not be read, which the device cannot answer.
+    /// Creates the answer to a whole frame that could not be decoded; `None` if its header was
+    /// unreadable, so that the device cannot answer.
     pub const fn not_understood(error: &FrameError) -> Option<Self> {
         match error {
             FrameError::UnknownKind { header, kind } => {

@@ -1,4 +1,4 @@
-//! What a measurement of stiffness ends in.
+//! Results of a stiffness measurement.
 
 use crate::code::RefusalReason;
 

@@ -1,4 +1,4 @@
-//! Records: what the device reports.
+//! Records from the device.
 
 use crate::Message;
 use crate::command::{
@@ -90,5 +90,5 @@ messages! {
     }
 }
 
-/// Decodes records.
+/// Decoder of records.
 pub type RecordDecoder = Decoder<Record, { MAX_HEADER + <Record as Message>::MAX_PAYLOAD + 4 }>;

@@ -1,4 +1,4 @@
-//! What is stored in flash memory.
+//! Content of the flash memory.
 
 use crate::code::{StorageAction, StorageState};
 

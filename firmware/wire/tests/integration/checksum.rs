@@ -1,4 +1,4 @@
-//! The CRC-32: the right one, and what it promises.
+//! Value and error detection of the CRC-32.
 
 use crate::support::reference::crc32c;
 use palpate_wire::{MAX_HEADER, Message, Record, crc32};
@@ -19,7 +19,7 @@ proptest! {
     }
 }
 
-/// What each single flipped bit does to the check, in content or CRC-32 of the longest frame.
+/// Returns the effect of each single bit error on the check, in content or CRC-32 of the longest frame.
 fn syndromes() -> Vec<u32> {
     let length = MAX_HEADER + Record::MAX_PAYLOAD;
     let silent = crc32(&vec![0; length]);
@@ -31,9 +31,9 @@ fn syndromes() -> Vec<u32> {
     content.chain((0..32).map(|bit| 1 << bit)).collect()
 }
 
-/// A CRC is linear: an error goes unseen if the syndromes of its bits add up to zero. Those of one,
-/// three or five bits do not, since each syndrome has an odd number of ones. Those of two or four
-/// do not, since no two pairs of bits have the same sum.
+/// A CRC is linear: an error is undetected if the syndromes of its bits add up to zero. Those of one,
+/// three or five bits do not, since each syndrome has an odd number of ones. Those of two or four do
+/// not, since no two pairs of bits have the same sum.
 #[test]
 fn it_finds_every_error_of_up_to_five_bits_in_the_longest_frame() {
     let syndromes = syndromes();

@@ -1,4 +1,4 @@
-//! Whom a command is for, and which configuration a device has.
+//! Addressee of a command, and CRC of a configuration.
 
 use crate::support::fixture::commands;
 use crate::support::reference::crc32c;
@@ -17,7 +17,7 @@ fn only_what_makes_nothing_less_safe_is_for_any_boot() {
     }
 }
 
-/// Kind and payload of each, cut out of what the fixture has before COBS.
+/// Kind and payload of each command, cut out of the fixture before COBS.
 #[test]
 fn the_configuration_is_its_commands_without_their_headers() {
     let setters: Vec<_> = specimens::commands()

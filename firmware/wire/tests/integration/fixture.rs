@@ -1,4 +1,4 @@
-//! The committed fixture and the document made from the code.
+//! The committed fixture, and the document generated from the code.
 
 use std::fs;
 
@@ -53,7 +53,7 @@ fn commands_decode_to_their_listing_and_encode_to_their_bytes() {
     agree::<Command>("commands");
 }
 
-/// The sums that the damaged stream has to give, computed by hand.
+/// Sums of the damaged stream, computed by hand.
 #[test]
 fn the_damaged_stream_is_accounted_for() {
     let listing = String::from_utf8(committed(&format!("v{VERSION}-damaged.jsonl"))).unwrap();
@@ -61,7 +61,7 @@ fn the_damaged_stream_is_accounted_for() {
     let counts = &sums["counts"];
     // 10, 11, 16 twice, 13, 21, 25, two of the next boot, and 24.
     assert_eq!(counts["frames"], 10);
-    // 12, and 13 joined to 14, and 15, and the part of 9: COBS or the CRC-32 finds each.
+    // 12, and 13 joined to 14, and 15, and the part of 9: COBS or the CRC-32 detects each.
     let found = counts["stuffing"].as_u64().unwrap() + counts["checksum"].as_u64().unwrap();
     assert_eq!(found, 4);
     assert_eq!(
@@ -101,7 +101,7 @@ fn the_damaged_stream_is_accounted_for() {
 fn the_document_is_up_to_date() {
     let text = fs::read_to_string(document::path()).unwrap();
     let renewed = document::renewed(&text);
-    // A changed limit is named by its row: what the document says, and what the code does.
+    // Reports a changed limit by its row: in the document, and in the code.
     let changed = text
         .lines()
         .zip(renewed.lines())
@@ -115,7 +115,7 @@ fn the_document_is_up_to_date() {
     );
 }
 
-/// Reads the example out of the document, as a person would.
+/// Reads the example from the document, as a person would.
 #[test]
 fn the_worked_example_is_in_the_fixture_and_adds_up() {
     let text = fs::read_to_string(document::path()).unwrap();

@@ -1,4 +1,4 @@
-//! The receiver's account against what really happened.
+//! Compares the receiver's account with the true events.
 
 use std::collections::HashSet;
 
@@ -8,14 +8,14 @@ use palpate_wire::loss::{Account, Arrival, Tally};
 use palpate_wire::{Frame, Header, RecordDecoder, Sequencer};
 use proptest::prelude::*;
 
-/// What happened to a frame.
+/// True event of a frame.
 #[derive(Clone, Copy, Debug)]
 enum Fate {
     Arrives,
     DroppedByDevice,
     Lost,
     Twice,
-    /// After this many others.
+    /// Delayed by this many other frames.
     Late(usize),
 }
 
@@ -29,7 +29,7 @@ fn any_fate() -> impl Strategy<Value = Fate> {
     ]
 }
 
-/// Headers as they arrive, given the fates of the frames produced from number `first` on.
+/// Returns the headers in order of arrival, by the fates of the frames produced from number `first` on.
 fn arrivals(boot_id: u32, first: u32, dropped_before: u32, fates: &[Fate]) -> Vec<Header> {
     let mut dropped = dropped_before;
     let mut arriving: Vec<(usize, Header)> = Vec::new();
@@ -52,10 +52,10 @@ fn arrivals(boot_id: u32, first: u32, dropped_before: u32, fates: &[Fate]) -> Ve
     arriving.into_iter().map(|(_, header)| header).collect()
 }
 
-/// What a tally has to say of the headers that arrived: computed from all of them at once.
+/// Checks a tally against the arrived headers, evaluated all at once.
 fn assert_true(tally: &Tally, headers: &[Header]) {
     let first = headers[0].sequence;
-    // Places from the first frame received, negative for those before it.
+    // Positions from the first received frame, negative for those before it.
     let places = headers
         .iter()
         .map(|header| i64::from(header.sequence.wrapping_sub(first) as i32));
@@ -104,7 +104,7 @@ proptest! {
         prop_assert_eq!(account.boots(), u32::from(!headers.is_empty()));
     }
 
-    /// Two runs, the frames of the first one arriving among those of the second.
+    /// Two runs, with the frames of the first one arriving among those of the second.
     #[test]
     fn a_restart_is_no_loss(
         first in any::<u32>(),
@@ -135,7 +135,7 @@ proptest! {
     }
 }
 
-/// Through the bytes: a device that drops, a line that damages, a receiver that counts.
+/// With bytes: a device that drops, a line that damages, a receiver that counts.
 #[test]
 fn the_account_is_exact_over_a_damaged_line() {
     let mut random = Random(11);
@@ -146,7 +146,7 @@ fn the_account_is_exact_over_a_damaged_line() {
     let (mut dropped, mut lost) = (0, 0);
     for produced in 0..20_000_u32 {
         let header = sequencer.stamp(u64::from(produced) * 1_000);
-        // The first frame and the last arrive, so that everything lies between two that do.
+        // The first and the last frame arrive, so that everything is between two received ones.
         let inner = (1..19_999).contains(&produced);
         if inner && random.once_in(10) {
             sequencer.count_dropped();
@@ -156,7 +156,7 @@ fn the_account_is_exact_over_a_damaged_line() {
         let message = message.clone();
         let mut bytes = bytes_of(&Frame { header, message });
         if inner && random.once_in(10) {
-            // Anywhere but in the zero at the end: its loss would take the next frame as well.
+            // Anywhere except in the zero at the end: its loss would affect the next frame as well.
             let at = random.below(bytes.len() - 1);
             bytes[at] ^= 1 << random.below(8);
             lost += 1;
@@ -191,7 +191,7 @@ fn arrivals_are_distinguished() {
     assert_eq!(take(7, 100), Arrival::Duplicate);
     assert_eq!(take(7, 101), Arrival::Next);
     assert_eq!(take(7, 300), Arrival::AfterGap { missing: 198 });
-    // Of the last 128 numbers it is known whether they came, of those before it is not.
+    // The account covers the last 128 numbers, not those before.
     assert_eq!(take(7, 173), Arrival::Late);
     assert_eq!(take(7, 173), Arrival::Duplicate);
     assert_eq!(take(7, 172), Arrival::Stale);
@@ -226,10 +226,10 @@ fn a_gap_of_any_length_is_exact() {
         let tally = *account.current().unwrap();
         assert_eq!((tally.missing(), tally.received()), (missing.into(), 2));
         if missing == u32::MAX / 2 {
-            // The first number is as far ahead now as a gap can be.
+            // The first number is as far ahead here as a gap can be.
             continue;
         }
-        // The first frame again, if it is not too long ago.
+        // The first frame again, if it is recent enough.
         let again = account.take(&header(7, 5));
         let known = missing <= 126;
         assert_eq!(again == Arrival::Duplicate, known, "{missing}");
@@ -237,7 +237,7 @@ fn a_gap_of_any_length_is_exact() {
     }
 }
 
-/// Longer than 32 bits can count.
+/// More frames than 32 bits can count.
 #[test]
 fn the_account_goes_on_after_the_numbers_wrap() {
     let mut account = Account::new();

@@ -1,4 +1,4 @@
-//! Tests of `palpate-wire` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-wire`: one program, one module per subject.
 
 mod checksum;
 mod commands;

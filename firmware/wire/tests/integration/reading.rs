@@ -1,4 +1,4 @@
-//! Payloads near those that are sent, and any others, are read as the reference reads them.
+//! Payloads similar to sent ones, and random ones, are read as by the reference.
 
 use crate::support::random::Random;
 use crate::support::reference::{
@@ -8,7 +8,7 @@ use crate::support::{bytes_of, header};
 use palpate_wire::schema::{Kind, Structure, Type};
 use palpate_wire::{Command, Decoder, Frame, Message, Record};
 
-/// What this crate reads from a payload; nothing if it refuses.
+/// Returns the payload as read by this crate; `None` if it refuses.
 fn read<M: Message>(kind: u8, payload: &[u8]) -> Option<M> {
     let bytes = framed(&content_bytes(&header(1), kind, payload));
     let mut decoder = Decoder::<M, 1024>::new();
@@ -17,8 +17,8 @@ fn read<M: Message>(kind: u8, payload: &[u8]) -> Option<M> {
     frames.remove(0).ok().map(|frame| frame.message)
 }
 
-/// Whether both take the bytes for a payload. If one does, the other has to take it for the same:
-/// compared as frames, so that every NaN stays the one it is.
+/// Returns whether both accept the bytes as a payload. If one does, the other must read the same:
+/// compared as frames, so that every NaN keeps its bits.
 fn is_read<M: Message>(kind: &Kind, structure: &'static Structure, payload: &[u8]) -> bool {
     let header = header(1);
     let expected = read_payload(payload, structure).map(|value| {
@@ -30,7 +30,7 @@ fn is_read<M: Message>(kind: &Kind, structure: &'static Structure, payload: &[u8
     found.is_some()
 }
 
-/// Bytes where something is decided, and any others.
+/// Returns a byte at which decoding decides, or any other.
 fn any_byte(random: &mut Random) -> u8 {
     let decisive = [0, 1, 2, 0x7F, 0x80, 0x81, 0xFF];
     match decisive.get(random.below(14)) {
@@ -39,7 +39,7 @@ fn any_byte(random: &mut Random) -> u8 {
     }
 }
 
-/// Changes a byte, takes it away, or puts one before it.
+/// Changes, removes or inserts a byte.
 fn change(bytes: &mut Vec<u8>, random: &mut Random) {
     let index = random.below(bytes.len() + 1);
     let byte = any_byte(random);
@@ -50,7 +50,7 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-/// Payloads with up to three changes, and bytes at random.
+/// Compares payloads with up to three changes, and random bytes.
 fn agree<M: Message>(seed: u64) {
     let source = &mut Random(seed);
     for kind in M::KINDS {
@@ -69,7 +69,7 @@ fn agree<M: Message>(seed: u64) {
             }
             were_read += usize::from(is_read::<M>(kind, structure, &payload));
         }
-        // Both happen often enough to show something.
+        // Both cases occur often enough.
         assert!(
             (100..900).contains(&were_read),
             "{}: {were_read}",
@@ -88,7 +88,7 @@ fn commands_are_read_as_the_reference_reads_them() {
     agree::<Command>(2);
 }
 
-/// The description of a kind.
+/// Returns the description of a kind.
 fn of_kind(number: u8) -> (&'static Kind, &'static Structure) {
     let kind = Record::KINDS.iter().find(|kind| kind.number == number);
     let kind = kind.expect("there is such a kind");
@@ -99,7 +99,7 @@ const HELLO: u8 = 0x01;
 const CRASH: u8 = 0x02;
 const CURRENT_TRACE: u8 = 0x0D;
 
-/// The smallest payload of a kind, with one field replaced by some bytes.
+/// Returns the smallest payload of a kind, with the bytes of one field replaced.
 fn with_field(structure: &Structure, name: &str, bytes: &[u8]) -> Vec<u8> {
     let mut payload = Vec::new();
     for field in structure.fields {
@@ -112,7 +112,7 @@ fn with_field(structure: &Structure, name: &str, bytes: &[u8]) -> Vec<u8> {
     payload
 }
 
-/// Numbers that take every length of a varint, the greatest of every type, and one more.
+/// Numbers with every length of a varint, the greatest of every type, and one more.
 #[test]
 fn integers_of_every_length() {
     let (kind, structure) = of_kind(HELLO);
@@ -148,7 +148,7 @@ fn a_list_or_text_beyond_its_capacity_is_refused() {
     assert!(!is_read::<Record>(kind, structure, &no_text));
 }
 
-/// A length that takes more bytes than it needs is read, as any other integer is.
+/// A length in more bytes than necessary is read, like any other integer.
 #[test]
 fn an_integer_may_be_longer_than_it_needs_to_be() {
     let (kind, structure) = of_kind(CRASH);

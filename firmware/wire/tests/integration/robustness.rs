@@ -1,4 +1,4 @@
-//! Whatever comes over the line: no panic, no frame that was never sent, and back in step.
+//! Any input: no panic, no frame that was never sent, and resynchronisation.
 
 use crate::support::reference::{cobs, content_bytes, framed};
 use crate::support::{bytes_of, corruption, fixture, header, specimens};
@@ -10,7 +10,7 @@ use palpate_wire::{
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// A frame with nothing remarkable.
+/// Returns a typical frame.
 fn sound(sequence: u32) -> Vec<u8> {
     let message = specimens::records().swap_remove(7);
     bytes_of(&palpate_wire::Frame {
@@ -22,7 +22,7 @@ fn sound(sequence: u32) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
 
-    /// Zeros often, so that frames end often.
+    /// Many zeros, so that frames end often.
     #[test]
     fn random_bytes_are_no_frame(
         bytes in vec(prop_oneof![3 => any::<u8>(), 1 => Just(0)], 0..2_000),
@@ -33,7 +33,7 @@ proptest! {
         prop_assert!(commands.frames(&bytes).all(|frame| frame.is_err()));
     }
 
-    /// Bytes that no check stops before they reach header and payload.
+    /// Bytes that pass all checks before header and payload.
     #[test]
     fn random_payloads_are_read_or_refused(
         kind in any::<u8>(),
@@ -50,7 +50,7 @@ proptest! {
         ];
         for result in results {
             match result.expect("the zero ends a frame") {
-                // What was read may have been written more shortly, never longer.
+                // The input may have been longer than necessary, never shorter.
                 Ok(encoded) => prop_assert!(encoded.len() <= bytes.len()),
                 Err(FrameError::Stuffing | FrameError::Checksum | FrameError::TooShort) => {
                     prop_assert!(false, "the frame was whole");
@@ -76,7 +76,7 @@ proptest! {
         prop_assert_eq!(frames, 6);
     }
 
-    /// After garbage of any kind and one zero, the next frame is received.
+    /// After any garbage and one zero, the next frame is received.
     #[test]
     fn one_zero_is_enough_to_be_back_in_step(garbage in vec(any::<u8>(), 0..700)) {
         let mut stream = garbage;
@@ -89,7 +89,7 @@ proptest! {
     }
 }
 
-/// A part of what `cargo run --release --example corruption` does.
+/// A part of `cargo run --release --example corruption`.
 #[test]
 fn no_damaged_frame_is_taken_for_a_sound_one() {
     let outcome = corruption::run(30_000, 7);
@@ -170,7 +170,7 @@ fn every_error_is_named_and_counted_by_itself() {
             }
         )
     );
-    // A frame that is longer than any, and otherwise sound.
+    // A frame that is longer than the maximum, and otherwise valid.
     let long = with(|content| content.extend([7; 300]));
     assert_eq!(
         only_error(&long),
@@ -310,7 +310,7 @@ fn errors_say_what_is_the_matter() {
     assert_eq!(error.header(), Some(&header(5)));
 }
 
-/// The longest varint, and one that is longer than any.
+/// The longest varint, and one that is too long.
 #[test]
 fn hostile_varints_are_refused() {
     for length in 1..=20 {
@@ -332,7 +332,7 @@ fn hostile_varints_are_refused() {
     }
 }
 
-/// The decoder gives up a frame that is a byte too long and takes one that just fits.
+/// The decoder refuses a frame that is a byte too long and accepts the longest one.
 #[test]
 fn the_longest_frame_is_taken_and_a_longer_one_is_not() {
     let longest = fixture::commands()

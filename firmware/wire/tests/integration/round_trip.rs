@@ -1,4 +1,4 @@
-//! Every message survives the way there and back, by an encoding that was written a second time.
+//! Every message survives encoding and decoding, compared with a second implementation.
 
 use crate::support::fixture::decode_one;
 use crate::support::reference::{Value, any_value, content_bytes, framed, payload_bytes};
@@ -8,7 +8,7 @@ use palpate_wire::{Command, Frame, Header, Message, Record};
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// A kind of message, and a payload for it.
+/// Returns a kind of message, and a payload for it.
 fn any_message<M: Message + 'static>(
     finite: bool,
 ) -> impl Strategy<Value = (&'static Kind, Option<Value>)> {
@@ -36,7 +36,7 @@ prop_compose! {
     }
 }
 
-/// Encoded by the reference, decoded and encoded by the crate.
+/// Encodes with the reference, then decodes and encodes with the crate.
 fn survives<M: Message>(header: &Header, kind: &Kind, payload: Option<&Value>) {
     let content = content_bytes(header, kind.number, &payload_bytes(payload, kind));
     let reference = framed(&content);

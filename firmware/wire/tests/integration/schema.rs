@@ -1,4 +1,4 @@
-//! The description of the format, its sizes and its version.
+//! Description of the format, its sizes and its version.
 
 use std::collections::HashSet;
 
@@ -13,8 +13,7 @@ use palpate_wire::{
 };
 
 /// Any change of the layout changes the hash. When this test fails, raise the version as the
-/// documentation of `VERSION` and `MINOR_VERSION` says, then enter the new hash, and write the
-/// fixture anew.
+/// documentation of `VERSION` and `MINOR_VERSION` says, enter the new hash, and regenerate the fixture.
 #[test]
 fn the_layout_belongs_to_its_version() {
     let known = [
@@ -63,7 +62,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
         .collect()
 }
 
-/// Units, and how the name of a field ends that has one.
+/// Units, and the ending of a field's name with that unit.
 const SUFFIXES: [(&str, &str); 25] = [
     ("Hz", "_hz"),
     ("s", "_s"),
@@ -174,7 +173,7 @@ fn codes_are_unique_and_turn_back_into_themselves() {
     assert_eq!(Part::Coil.meaning().trim(), "The coil's data.");
 }
 
-/// Encodes the largest value of every kind and compares with the constants.
+/// Encodes the largest value of every kind and compares its size with the constants.
 fn sizes<M: Message>() {
     let greatest = Header {
         boot_id: u32::MAX,
@@ -199,7 +198,7 @@ fn sizes<M: Message>() {
         let frame: Frame<M> = decode_one(&framed(&content));
         let bytes = bytes_of(&frame);
         assert_eq!(bytes, framed(&content), "{}", kind.name);
-        // The constant allows for a byte of COBS that a frame of just this length may not need.
+        // The constant includes a byte of COBS that a frame of exactly this length may not need.
         assert!(
             frame_size(payload.len()) - bytes.len() <= 1,
             "{}",

@@ -1,4 +1,4 @@
-//! Commands beyond their limits are refused, by name and limit.
+//! Commands beyond their limits are refused, with name and limit.
 
 use crate::support::fixture::decode_one;
 use crate::support::reference::{self, Value, content_bytes, framed, payload_bytes};
@@ -9,7 +9,7 @@ use palpate_wire::record::{Acknowledgement, Sample};
 use palpate_wire::schema::{Described, Kind, Type};
 use palpate_wire::{Command, Frame, Invalid, Message, Problem};
 
-/// A payload whose every quantity is in the middle of its range.
+/// Returns a payload with every quantity in the middle of its range.
 fn middling(of: &Type, range: (f32, f32)) -> Value {
     let middle = if range.0.is_finite() {
         (range.0 + range.1) / 2.0
@@ -42,8 +42,8 @@ fn decoded(kind: &Kind, payload: &Value) -> Command {
     frame.message
 }
 
-/// Calls back for every field of every command, and of the items of its lists: with the kind, the
-/// field's place and a function that makes the command with some value there.
+/// Calls `check` for every field of every command, and of its list items: with the kind, the field's
+/// location and a function that creates the command with a value there.
 fn for_every_field(mut check: impl FnMut(FieldLocation<'_>, &dyn Fn(Value) -> Command)) {
     for kind in Command::KINDS {
         let Some(structure) = kind.payload else {
@@ -128,7 +128,7 @@ struct FieldLocation<'a> {
 }
 
 impl FieldLocation<'_> {
-    /// That the command is refused for `problem` with this field.
+    /// Checks that the command is refused for `problem` with this field.
     fn assert_blamed(&self, command: &Command, problem: Problem) {
         let invalid = command.validate().expect_err(self.field.name);
         let named = invalid.named(command.payload()).field.expect("a field");
@@ -168,7 +168,7 @@ fn infinities_and_nan_are_refused_in_every_field() {
         }
         _ => {}
     });
-    // 16 in the settings, 38 in the calibration, 3 of a current that is driven directly, 1 of the LED.
+    // 16 in the settings, 38 in the calibration, 3 of a directly driven current, 1 of the LED.
     assert_eq!(fields, 58);
 }
 
@@ -250,7 +250,7 @@ fn invalid(change: impl FnOnce(&mut Settings)) -> Invalid {
     settings.validate().unwrap_err()
 }
 
-/// In words.
+/// Returns the error as text.
 fn named<T: Described>(invalid: Invalid) -> String {
     invalid.named(T::TYPE.structure()).to_string()
 }
@@ -431,7 +431,7 @@ fn every_problem_has_an_outcome() {
     );
 }
 
-/// What a device produces by a defect is found as well.
+/// The check also finds records that a defect of the device produces.
 #[test]
 fn records_can_be_checked_too() {
     // Here 1.1 is within all limits: those of a temperature, and of standard errors.
@@ -448,7 +448,7 @@ fn records_can_be_checked_too() {
     }
 }
 
-/// Only a field of an item has the item's place; one that follows the list has none.
+/// Only a field of an item has the item's index; a field after the list has none.
 #[test]
 fn a_field_after_a_list_lies_in_no_item() {
     let invalid = |change: fn(&mut Sample)| {

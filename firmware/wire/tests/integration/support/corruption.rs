@@ -1,4 +1,4 @@
-//! What happens to bytes on their way, and whether a decoder is taken in by it.
+//! Corruption of bytes in transit, and its effect on a decoder.
 
 use std::fmt;
 
@@ -8,18 +8,18 @@ use palpate_wire::{Command, CommandDecoder, Decoder, Message, Record, RecordDeco
 use super::random::Random;
 use super::{bytes_of, header, reference};
 
-/// What came of many damaged frames.
+/// Results of many corrupted frames.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct CorruptionOutcome {
-    /// Frames or groups of frames that were damaged.
+    /// Number of corrupted frames or groups of frames.
     pub(crate) damaged: u64,
-    /// Those that were received as if they were sound, though they were never sent.
+    /// Number of accepted frames that were never sent.
     pub(crate) undetected: u64,
-    /// Frames sent after the damage, with one other frame between, that were not received.
+    /// Number of frames not received although sent after the damage, with one other frame between.
     pub(crate) out_of_step: u64,
-    /// Bad frames that were counted.
+    /// Number of refused frames.
     pub(crate) refused: u64,
-    /// Damage by kind.
+    /// Number of corruptions by kind.
     pub(crate) kinds: [u64; DAMAGES.len()],
 }
 
@@ -35,10 +35,10 @@ impl fmt::Display for CorruptionOutcome {
     }
 }
 
-/// Damages bytes; the second frame is there for damage that concerns two.
+/// Corrupts bytes; the second frame is for damage to two frames.
 type Damage = fn(&mut Vec<u8>, &[u8], &mut Random);
 
-/// All damage.
+/// All kinds of damage.
 pub(crate) const DAMAGES: [(&str, Damage); 9] = [
     ("1 to 8 bits flipped", flip_bits),
     ("burst of up to 64 bits", burst),
@@ -103,7 +103,7 @@ fn splice(frame: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     frame.extend(&other[random.below(other.len())..]);
 }
 
-/// Damages `count` frames of either direction.
+/// Corrupts `count` frames of either direction.
 pub(crate) fn run(count: u64, seed: u64) -> CorruptionOutcome {
     let mut outcome = CorruptionOutcome::default();
     let mut random = Random(seed);
@@ -139,7 +139,7 @@ fn trial<M: Message + PartialEq, const N: usize>(
     }
     outcome.damaged += 1;
     outcome.kinds[kind] += 1;
-    // The next frame may be swallowed by damage to the zero before it, the last may not.
+    // Damage to the zero before it may destroy the next frame, but not the last.
     bytes.extend(next);
     bytes.extend(last);
     let mut received = Vec::new();
@@ -153,7 +153,7 @@ fn trial<M: Message + PartialEq, const N: usize>(
     outcome.out_of_step += u64::from(received.last() != Some(last));
 }
 
-/// A frame of any kind with any content.
+/// Returns a frame of any kind with any content.
 fn any_frame<M: Message>(random: &mut Random) -> Vec<u8> {
     let kind = &M::KINDS[random.below(M::KINDS.len())];
     let payload = kind

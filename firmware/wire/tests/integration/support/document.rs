@@ -1,4 +1,4 @@
-//! The parts of docs/protocol.md that are made from the code.
+//! Parts of docs/protocol.md that are generated from the code.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,12 +12,12 @@ use palpate_wire::{
 use super::reference::{self, Value};
 use super::{bytes_of, fixture, header as header_of, specimens};
 
-/// Where the document lies.
+/// Returns the path of the document.
 pub(crate) fn path() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/protocol.md")
 }
 
-/// The document with every part between markers made anew.
+/// Returns the document with every part between markers regenerated.
 pub(crate) fn renewed(text: &str) -> String {
     let mut renewed = String::new();
     let mut rest = text;
@@ -81,7 +81,7 @@ fn sizes() -> String {
     )
 }
 
-/// Frames as they are after an hour.
+/// Frames as they are after an hour of operation.
 fn rates() -> String {
     let mut text = String::from("| record | bytes | per second | kB/s |\n|---|---|---|---|\n");
     let mut row = |what: &str, message: Record, per_second: f64| {
@@ -235,7 +235,7 @@ fn items(structure: &Structure) -> Vec<&'static Structure> {
     structure.fields.iter().filter_map(inner).collect()
 }
 
-/// Every enumeration, where it first occurs.
+/// All enumerations, each at its first use.
 fn codes() -> String {
     let mut tables: Vec<&CodeTable> = Vec::new();
     for kind in Record::KINDS.iter().chain(Command::KINDS) {
@@ -260,12 +260,12 @@ fn codes() -> String {
     text
 }
 
-/// The lines of a comment as one.
+/// Returns a comment's lines as one.
 fn prose(doc: &str) -> String {
     doc.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The first `state` of the fixture, byte by byte.
+/// The first `state` record of the fixture, byte by byte.
 fn example() -> String {
     let (offset, frame) = first_state();
     let coded = bytes_of(&frame);
@@ -281,7 +281,7 @@ fn example() -> String {
     text
 }
 
-/// Where the example stands in the fixture, and what it is.
+/// Returns the position of the example in the fixture, and its frame.
 pub(crate) fn first_state() -> (usize, Frame<Record>) {
     let mut offset = 0;
     for frame in fixture::records() {
@@ -349,7 +349,7 @@ fn fields(frame: &Frame<Record>) -> Vec<(Vec<u8>, String, String)> {
     rows
 }
 
-/// Bytes as the document shows them.
+/// Returns bytes as the document shows them.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     bytes.join(" ")

@@ -1,4 +1,4 @@
-//! The committed fixture: frames, and beside them what they decode to.
+//! The committed fixture: frames with their decoded content.
 
 use std::path::PathBuf;
 
@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 use super::reference::{self, Value};
 use super::{bytes_of, header, specimens};
 
-/// Where the fixture lies.
+/// Returns the folder of the fixture.
 pub(crate) fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixture")
 }
 
-/// The files as they should be, by name.
+/// Returns the expected files, by name.
 pub(crate) fn files() -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for (name, (bytes, lines)) in [
@@ -30,17 +30,17 @@ pub(crate) fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Typical records, then the smallest and the largest of every kind.
+/// Returns typical records, then the smallest and the largest of every kind.
 pub(crate) fn records() -> Vec<Frame<Record>> {
     numbered(specimens::records())
 }
 
-/// The same of the commands.
+/// Returns typical commands, then the smallest and the largest of every kind.
 pub(crate) fn commands() -> Vec<Frame<Command>> {
     numbered(specimens::commands())
 }
 
-/// Makes the smallest or the largest value of a type.
+/// Returns the smallest or the largest value of a type.
 type Extreme = fn(&Type) -> Value;
 
 fn numbered<M: Message>(typical: Vec<M>) -> Vec<Frame<M>> {
@@ -93,16 +93,16 @@ pub(crate) fn decode_one<M: Message>(bytes: &[u8]) -> Frame<M> {
     frames.remove(0).expect("the frame is sound")
 }
 
-/// A line of a listing: where a frame stands, and what it decodes to.
+/// A line of a listing: position and content of a frame.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct FixtureLine<M> {
-    /// Of its first byte, from the start of the file.
+    /// Offset of its first byte from the start of the file.
     pub(crate) offset: usize,
-    /// Its bytes, the zero included.
+    /// Number of its bytes, including the zero.
     pub(crate) length: usize,
-    /// Its header.
+    /// Header of the frame.
     pub(crate) header: Header,
-    /// Its message.
+    /// Message of the frame.
     pub(crate) message: M,
 }
 
@@ -126,7 +126,7 @@ fn json(line: &impl Serialize) -> String {
     serde_json::to_string(line).expect("everything can be written")
 }
 
-/// A stream as it should not be.
+/// Returns a damaged stream.
 fn damaged() -> Vec<u8> {
     let record = |header: Header| {
         let message = specimens::records().swap_remove(7);
@@ -146,10 +146,10 @@ fn damaged() -> Vec<u8> {
     // Reception begins within a frame.
     stream.extend(&sound(9)[7..]);
     stream.extend(sound(10));
-    // Zeros between frames mean nothing.
+    // Zeros between frames have no meaning.
     stream.extend([0, 0, 0]);
     stream.extend(sound(11));
-    // One bit is wrong in 12; 13 and 14 lack the zero between them; 15 is cut short.
+    // One bit is wrong in 12; the zero between 13 and 14 is missing; 15 is cut short.
     let mut flipped = sound(12);
     flipped[9] ^= 0x10;
     stream.extend(flipped);
@@ -158,17 +158,16 @@ fn damaged() -> Vec<u8> {
     let short = sound(15);
     stream.extend(&short[..short.len() / 2]);
     stream.push(0);
-    // 16 comes twice, and 13 late after all.
+    // 16 comes twice, and 13 arrives late.
     stream.extend(sound(16));
     stream.extend(sound(16));
     stream.extend(sound(13));
-    // Of a later minor version; of another major version; with a byte too many; of the other
-    // direction.
+    // Of a later minor version; of another major version; with a byte too many; of the other direction.
     stream.extend(foreign(VERSION, 0x7F, &[1, 2, 3], 17));
     stream.extend(foreign(VERSION + 1, 0x05, &[], 18));
     stream.extend(foreign(VERSION, 0x05, &[0], 19));
     stream.extend(foreign(VERSION, 0x81, &[], 20));
-    // Longer than any frame, and shorter.
+    // Longer than the longest frame, and shorter than the shortest.
     stream.extend([0x55; 600]);
     stream.push(0);
     stream.extend([0x01, 0x01, 0x00]);
@@ -178,7 +177,7 @@ fn damaged() -> Vec<u8> {
         dropped: 2,
         ..header(25)
     }));
-    // It restarts; a frame of the boot before comes late.
+    // The device restarts; a frame of the previous boot comes late.
     stream.extend(record(Header {
         boot_id: 0x9ABC_DEF0,
         ..header(0)
@@ -202,10 +201,10 @@ fn payload_of(number: u8) -> &'static palpate_wire::schema::Structure {
     kind.payload.expect("it has a payload")
 }
 
-/// What a receiver makes of the bytes up to a zero.
+/// Result of decoding the bytes up to a zero.
 #[derive(Serialize)]
 struct Reception {
-    /// After how many bytes of the file.
+    /// Offset of its end in the file.
     end: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     header: Option<Header>,
@@ -217,7 +216,7 @@ struct Reception {
     arrival: Option<Arrival>,
 }
 
-/// The last line: what a receiver has counted.
+/// The last line: the receiver's counts.
 #[derive(Serialize)]
 struct Sums {
     counts: Counts,
@@ -237,7 +236,7 @@ struct Boot {
     stale: u64,
 }
 
-/// What a receiver makes of a stream of records: every frame and every error, then its counts.
+/// Decodes a stream of records: every frame and every error, then the counts.
 fn decoded(stream: &[u8]) -> (Vec<u8>, Vec<String>) {
     let mut decoder = RecordDecoder::new();
     let mut account = Account::new();

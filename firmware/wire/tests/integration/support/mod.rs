@@ -1,4 +1,4 @@
-//! What several tests and examples share.
+//! Common functions of several tests and examples.
 
 #![allow(dead_code, reason = "no test uses all of it")]
 
@@ -12,7 +12,7 @@ pub(crate) mod specimens;
 use palpate_wire::schema::Kind;
 use palpate_wire::{Frame, Header, Message, encode};
 
-/// The kind of a message.
+/// Returns the kind of a message.
 pub(crate) fn kind_of<M: Message>(message: &M) -> &'static Kind {
     M::KINDS
         .iter()
@@ -20,7 +20,7 @@ pub(crate) fn kind_of<M: Message>(message: &M) -> &'static Kind {
         .expect("every message has a kind")
 }
 
-/// A frame as bytes.
+/// Returns a frame as bytes.
 pub(crate) fn bytes_of<M: Message>(frame: &Frame<M>) -> Vec<u8> {
     let mut buffer = vec![0; M::MAX_FRAME];
     encode(&frame.header, &frame.message, &mut buffer)
@@ -28,7 +28,7 @@ pub(crate) fn bytes_of<M: Message>(frame: &Frame<M>) -> Vec<u8> {
         .to_vec()
 }
 
-/// A header with nothing remarkable.
+/// Returns a typical header.
 pub(crate) fn header(sequence: u32) -> Header {
     Header {
         boot_id: 0x1234_5678,

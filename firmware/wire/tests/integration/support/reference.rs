@@ -1,5 +1,5 @@
-//! A second implementation of the encoding, from the description of the format alone: it shares no
-//! line with serde, postcard, cobs and crc.
+//! A second implementation of the encoding, from the description of the format alone: it shares no code
+//! with serde, postcard, cobs and crc.
 
 use palpate_wire::schema::{Described, Field, Kind, Structure, Type};
 use palpate_wire::{Header, VERSION};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::random::Random;
 
-/// Some value of some type. Floats are kept as bits, so that every NaN stays the one it is.
+/// A value of any type. Floats are stored as bits, so that every NaN keeps its bits.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Bool(bool),
@@ -67,7 +67,7 @@ fn write_varint(value: u64, to: &mut Vec<u8>) {
     to.push(rest as u8);
 }
 
-/// Decodes a value from the start of the bytes and takes its bytes away; `None` if they hold none.
+/// Decodes and removes a value at the start of the bytes; `None` if they contain none.
 pub(crate) fn read(bytes: &mut &[u8], of: &Type) -> Option<Value> {
     Some(match of {
         Type::Bool => Value::Bool(read_flag(bytes)?),
@@ -123,7 +123,7 @@ fn read_flag(bytes: &mut &[u8]) -> Option<bool> {
     }
 }
 
-/// A varint may be longer than it needs to be, but not longer than the greatest number of so many
+/// Decodes a varint. It may be longer than necessary, but not longer than the greatest number of `bits`
 /// bits, and has no bit beyond those.
 fn read_varint(bytes: &mut &[u8], bits: u32) -> Option<u64> {
     let mut value = 0_u128;
@@ -137,7 +137,7 @@ fn read_varint(bytes: &mut &[u8], bits: u32) -> Option<u64> {
     None
 }
 
-/// The number of items or letters: a varint of the reader's own size of memory.
+/// Decodes the number of items or letters: a varint of the size of the reader's `usize`.
 fn read_length(bytes: &mut &[u8], capacity: u8) -> Option<usize> {
     let length = read_varint(bytes, usize::BITS)?;
     (length <= u64::from(capacity)).then_some(length as usize)
@@ -169,14 +169,14 @@ pub(crate) fn content_bytes(header: &Header, kind: u8, payload: &[u8]) -> Vec<u8
     bytes
 }
 
-/// Adds the CRC-32, COBS and the zero.
+/// Adds CRC-32, COBS and the zero.
 pub(crate) fn framed(content: &[u8]) -> Vec<u8> {
     let mut body = content.to_vec();
     body.extend(crc32c(content).to_le_bytes());
     cobs(&body)
 }
 
-/// CRC-32/ISCSI bit by bit.
+/// Returns the CRC-32/ISCSI, computed bit by bit.
 pub(crate) fn crc32c(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, byte| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
@@ -185,7 +185,7 @@ pub(crate) fn crc32c(bytes: &[u8]) -> u32 {
     })
 }
 
-/// COBS with the zero at its end: each block is its length and its bytes.
+/// Returns COBS with the zero at its end: each block is its length and its bytes.
 pub(crate) fn cobs(body: &[u8]) -> Vec<u8> {
     let mut coded = Vec::new();
     let mut block = Vec::new();
@@ -204,7 +204,7 @@ pub(crate) fn cobs(body: &[u8]) -> Vec<u8> {
     coded
 }
 
-/// The value that takes the most bytes, none of them zero.
+/// Returns the value with the most bytes, none of them zero.
 pub(crate) fn largest(of: &Type) -> Value {
     match of {
         Type::Bool => Value::Bool(true),
@@ -221,7 +221,7 @@ pub(crate) fn largest(of: &Type) -> Value {
     }
 }
 
-/// The value that takes the fewest bytes, all of them zero.
+/// Returns the value with the fewest bytes, all of them zero.
 pub(crate) fn smallest(of: &Type) -> Value {
     match of {
         Type::Bool => Value::Bool(false),
@@ -235,7 +235,7 @@ pub(crate) fn smallest(of: &Type) -> Value {
     }
 }
 
-/// Some value, with finite floats.
+/// Returns a random value with finite floats.
 pub(crate) fn random(of: &Type, random: &mut Random) -> Value {
     fn any(of: &Type, random: &mut Random) -> Value {
         // Small numbers as often as large ones.
@@ -267,7 +267,7 @@ fn of_fields(structure: &Structure, mut value: impl FnMut(&Field) -> Value) -> V
     Value::Fields(structure.fields.iter().map(&mut value).collect())
 }
 
-/// Any value; its floats are any bits, or finite ones only.
+/// Any value; floats have any bits, or are finite only.
 pub(crate) fn any_value(of: &Type, finite: bool) -> BoxedStrategy<Value> {
     match *of {
         Type::Bool => any::<bool>().prop_map(Value::Bool).boxed(),
@@ -304,7 +304,7 @@ pub(crate) fn any_value(of: &Type, finite: bool) -> BoxedStrategy<Value> {
     }
 }
 
-/// Any integer of some bits, small ones and the greatest as often as others.
+/// Any integer of `bits` bits, with small ones and the largest as often as others.
 fn unsigned(bits: u32) -> BoxedStrategy<Value> {
     (any::<u64>(), 64 - bits..64)
         .prop_map(|(value, shift)| Value::Unsigned(value >> shift))

@@ -1,11 +1,11 @@
-//! One message of every kind, with values as they occur.
+//! One message of every kind, with typical values.
 
 use palpate_wire::code::*;
 use palpate_wire::command::*;
 use palpate_wire::record::*;
 use palpate_wire::{Command, Record, SCHEMA_HASH, configuration_crc};
 
-/// One record of every kind.
+/// Returns one record of every kind.
 pub(crate) fn records() -> Vec<Record> {
     let mut records = reports();
     records.extend(measured());
@@ -99,7 +99,7 @@ fn measured() -> Vec<Record> {
     ]
 }
 
-/// A sample of up to four channels.
+/// Returns a sample of up to four channels.
 pub(crate) fn sample(channels: u8) -> Sample {
     let conversion = |channel: u8| Conversion {
         channel,
@@ -124,7 +124,7 @@ pub(crate) fn sample(channels: u8) -> Sample {
     }
 }
 
-/// A record full of words, of up to four channels.
+/// Returns a full raw record of up to four channels.
 pub(crate) fn full_raw(channels: u8) -> Raw {
     Raw {
         sensor: 0,
@@ -241,7 +241,7 @@ fn configured() -> Vec<Record> {
     ]
 }
 
-/// One command of every kind.
+/// Returns one command of every kind.
 pub(crate) fn commands() -> Vec<Command> {
     vec![
         Command::Identify,
@@ -299,7 +299,7 @@ fn calibration_identity() -> CalibrationIdentity {
     }
 }
 
-/// An amplifier that reads 1 % too much, and a converter with a bow.
+/// Correction of an amplifier that reads 1 % too much, and a converter with a bow.
 fn current_correction() -> CurrentCorrection {
     CurrentCorrection {
         greatest_a: 10.0,
