@@ -1,4 +1,4 @@
-//! Supervision: tells whether every task has checked in, so that the watchdog may be fed.
+//! Supervision: the watchdog may be fed only when every task has checked in.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 

@@ -78,7 +78,7 @@ impl map::Key for Key {
 /// One stored value with its key.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Item {
-    /// What it is.
+    /// Key of the item.
     pub(crate) key: Key,
     /// Version of the payload's layout.
     pub(crate) version: u8,
