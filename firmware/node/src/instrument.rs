@@ -238,7 +238,7 @@ impl Instrument {
     }
 
     /// Handles a restart request that is not a command. Returns whether the restart is accepted: it is
-    /// not while the storage saves.
+    /// not while the storage works.
     pub fn asked_to_restart<H: Hardware>(
         &mut self,
         hardware: &mut H,

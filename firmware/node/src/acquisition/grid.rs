@@ -22,8 +22,8 @@ const TOLERANCE: i64 = 2 * MICROSECOND;
 /// Uncertainty of the planned period, per channel: the converter's time between two conversions, 0 to
 /// 0.9 us (datasheet equation 8 against none).
 const UNPLANNED: i64 = MICROSECOND;
-/// Number of intervals over which the period is learnt. Interval n has the weight 1/n, with n rounded up
-/// to a power of two; later intervals have the weight of the last of these. One crystal drives timer and
+/// Number of intervals over which the period is learnt. Interval n has the weight 1/n, rounded up to a
+/// power of two; later intervals have the weight of the last of these. One crystal drives timer and
 /// converter, so the period is constant and only its value is unknown.
 const LEARNT_OVER: u32 = 64;
 /// Number of intervals after which the period is known, and the remaining uncertainty in fractions of a

@@ -204,7 +204,8 @@ fn a_slow_converter_has_time_to_show_that_a_press_is_steady() {
 fn a_sweep_into_silence_is_stopped_in_its_own_step() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.now_us += 60_000;
-    // It starts, is acknowledged, and in the same step the sensor is found to give no readings: no current remains.
+    // It starts, is acknowledged, and in the same step the sensor is found to give no readings: no current
+    // remains.
     rig.accepted(Command::Sweep);
     assert_eq!(rig.state(), State::Fault);
     assert!(rig.line.is_off());

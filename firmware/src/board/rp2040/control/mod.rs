@@ -232,8 +232,8 @@ pub fn run(on: bool) {
 /// Returns the number of the last period in [`AVERAGES`] and the time of its end.
 ///
 /// The mean of its two samples, at the start and in the middle of a bridge period, is the current
-/// halfway between them. It equals the mean over one period centred there, which ends within two
-/// microseconds of the interrupt's start.
+/// halfway between them. It equals the mean over one period centred there, which ends two microseconds
+/// after the interrupt was triggered.
 pub fn last() -> LastPeriod {
     const AFTER_CALL_US: u32 = 2;
     // Anything that ran between reading the two clocks would shift the window by its run time.
