@@ -1,7 +1,7 @@
-//! Calls every method of the driver on a bus that answers whatever the compiler cannot foresee,
-//! linked for a Cortex-M0+ so that the linker shows what can be reached. `cargo xtask ci --only
-//! panic-free` looks for panics in it. With `--cfg planted_panic` it holds one, to show that such
-//! a panic would be found.
+//! Calls every method of the driver on a bus whose answers the compiler cannot foresee, linked for
+//! a Cortex-M0+ so that the linker shows what can be reached. `cargo xtask ci --only panic-free`
+//! searches the image for panics. With `--cfg planted_panic` the program contains one, to show that
+//! the search finds it.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -30,7 +30,7 @@ mod image {
     };
     use panic_halt as _;
 
-    /// A number that the compiler knows nothing about.
+    /// Returns a number that the compiler cannot foresee.
     fn anything() -> u32 {
         static WORD: AtomicU32 = AtomicU32::new(0);
         black_box(WORD.load(Ordering::Relaxed))

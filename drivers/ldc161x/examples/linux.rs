@@ -1,6 +1,6 @@
-//! An LDC1612 with its own oscillator of 40 MHz on an I2C bus of Linux, as a Raspberry Pi or a USB
-//! adapter has one. INTB is not connected: STATUS says whether a result waits. Prints time,
-//! frequency and standard uncertainty of channel 0, a line a reading.
+//! Reads an LDC1612 with its own 40 MHz oscillator on an I2C bus of Linux, as on a Raspberry Pi or
+//! a USB adapter. INTB is not connected: STATUS says whether a result waits. Prints time, frequency
+//! and standard uncertainty of channel 0, one line per reading.
 //!
 //! ```text
 //! cargo run -p ldc161x --example linux -- /dev/i2c-1

@@ -1,12 +1,13 @@
-//! An LDC1614 on an STM32F411 (Black Pill): SCL PB6, SDA PB7, INTB PA0, SD PA1, CLKIN from an
-//! oscillator of 40 MHz. Keeps the frequency of channel 0 in a static for a debugger to look at.
+//! Reads an LDC1614 on an STM32F411 (Black Pill): SCL PB6, SDA PB7, INTB PA0, SD PA1, CLKIN from a
+//! 40 MHz oscillator. Keeps the frequency of channel 0 in a static for a debugger to read.
 //!
 //! ```text
 //! rustup target add thumbv7em-none-eabihf
 //! cargo build -p ldc161x --example stm32f411 --target thumbv7em-none-eabihf
 //! ```
 //!
-//! On any other target it only says so, since examples are built with the tests.
+//! On any other target it only prints which target it needs, since examples are built with the
+//! tests.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -28,7 +29,7 @@ mod board {
     use panic_halt as _;
     use stm32f4xx_hal::{i2c::I2c, pac, prelude::*, rcc::Config};
 
-    /// Worked out by the compiler, and refused by it where it breaks a limit of the chip.
+    /// The plan, computed at compile time; a plan that breaks a limit of the chip does not compile.
     const PLAN: Plan = match Request::new(
         Model::Ldc1614,
         ReferenceClock::External { hz: 40_000_000 },
@@ -42,7 +43,7 @@ mod board {
         Err(_) => panic!("the plan breaks a limit of the chip"),
     };
 
-    /// The last good frequency in hertz, for a debugger to look at.
+    /// Last good frequency in hertz, for a debugger to read.
     static FREQUENCY_HZ: AtomicU32 = AtomicU32::new(0);
 
     #[entry]
@@ -60,7 +61,8 @@ mod board {
         let i2c = I2c::new(device.I2C1, (pins_b.pb6, pins_b.pb7), 400.kHz(), &mut rcc);
         let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
         let mut running = driver.start(&PLAN.configuration);
-        // Without it readings of another sensor than the planned one are flagged, and none is good.
+        // Without it, readings of a sensor other than the planned one are flagged, and none is
+        // good.
         if running.is_ok() {
             running = driver.calibrate_drive_current(&mut delay).map(drop);
         }
@@ -79,7 +81,7 @@ mod board {
         }
     }
 
-    /// One frame and one canary.
+    /// Reads one frame and checks one canary register.
     fn measure<I2C: embedded_hal::i2c::I2c>(
         driver: &mut Ldc161x<I2C>,
     ) -> Result<(), Error<I2C::Error>> {

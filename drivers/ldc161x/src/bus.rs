@@ -1,15 +1,15 @@
-//! What a register access costs on the wire.
+//! Register access over the bus, and its cost in bit times.
 
 /// How the registers of a frame are fetched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BusAccess {
-    /// One transaction for the frame, registers joined by repeated starts. Nothing can come
-    /// between the reads of one frame, and it costs least.
+    /// One transaction for the frame, registers joined by repeated starts. No other transfer can
+    /// come between the reads of one frame, and it takes the least time.
     #[default]
     FramePerTransaction,
-    /// One `write_read` a register: for HALs whose `transaction` takes two operations only.
+    /// One `write_read` per register: for HALs whose `transaction` takes two operations only.
     RegisterPerTransaction,
     /// `write`, stop, `read`: for HALs without transactions. The chip keeps its pointer between
     /// the two; no other master may use the bus meanwhile.
@@ -17,8 +17,8 @@ pub enum BusAccess {
 }
 
 impl BusAccess {
-    /// Bit times of reading `registers` registers, start and stop conditions included, each
-    /// counted as one bit time.
+    /// Bit times of reading `registers` registers, start and stop conditions included at one bit
+    /// time each.
     ///
     /// ```
     /// use ldc161x::BusAccess;

@@ -1,4 +1,4 @@
-//! Which chip, which address, which channels.
+//! Chip model, I2C address and channels.
 
 use core::fmt;
 
@@ -84,7 +84,7 @@ impl Channel {
     /// All channels in the order in which autoscan visits them.
     pub const ALL: [Self; 4] = [Self::Zero, Self::One, Self::Two, Self::Three];
 
-    /// 0 to 3, as in the register names.
+    /// Channel number, 0 to 3, as in the register names.
     ///
     /// ```
     /// assert_eq!(ldc161x::Channel::Three.number(), 3);
@@ -93,7 +93,7 @@ impl Channel {
         self as u8
     }
 
-    /// The channel of a number from 0 to 3.
+    /// The channel with a number from 0 to 3.
     ///
     /// ```
     /// use ldc161x::Channel;
@@ -117,8 +117,8 @@ impl fmt::Display for Channel {
     }
 }
 
-/// The channels that autoscan visits, always beginning at channel 0
-/// (MUX_CONFIG.RR_SEQUENCE, datasheet Table 28).
+/// The channels that autoscan visits, starting at channel 0 (MUX_CONFIG.RR_SEQUENCE, datasheet
+/// Table 28).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -132,7 +132,7 @@ pub enum Sequence {
 }
 
 impl Sequence {
-    /// Channels in one pass.
+    /// Number of channels in one autoscan cycle.
     ///
     /// ```
     /// assert_eq!(ldc161x::Sequence::ZeroToTwo.channel_count(), 3);
@@ -146,19 +146,19 @@ impl Sequence {
     }
 }
 
-/// What the converter works on (datasheet 7.3.1, Table 36).
+/// The channels that the converter measures (datasheet 7.3.1, Table 36).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Acquisition {
     /// One channel, converted back to back; its sensor oscillates all the time.
     Single(Channel),
-    /// Several channels in turn; each sensor is started anew for its conversion.
+    /// Several channels in turn; each sensor is restarted for its conversion.
     Autoscan(Sequence),
 }
 
 impl Acquisition {
-    /// Conversions in one frame.
+    /// Number of conversions in one frame.
     ///
     /// ```
     /// use ldc161x::{Acquisition, Channel};

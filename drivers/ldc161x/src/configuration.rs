@@ -1,22 +1,22 @@
-//! What the chip is to be: every register's requested value.
+//! Requested value of every register.
 
 use crate::{
     Acquisition, Channel, ClockDividers, Config, Deglitch, DriveCode, DriveCurrent, ErrorConfig,
     Model, MuxConfig, Noise, Rcount, Register, Scale, SettleCount,
 };
 
-/// Where the reference comes from (CONFIG.REF_CLK_SRC).
+/// Source of the reference clock (CONFIG.REF_CLK_SRC).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ReferenceClock {
-    /// A clock of this frequency on CLKIN, 2 to 40 MHz (datasheet 6.5).
+    /// A clock of this frequency on CLKIN: 2 to 40 MHz (datasheet 6.5).
     External {
         /// Frequency in hertz.
         hz: u32,
     },
-    /// The internal oscillator: 35 to 55 MHz, so that no frequency is absolute without
-    /// calibration; -13 ppm/K (datasheet 6.5).
+    /// The internal oscillator: 35 to 55 MHz, so frequencies are not absolute without calibration;
+    /// -13 ppm/K (datasheet 6.5).
     Internal,
 }
 
@@ -53,7 +53,7 @@ pub struct ChannelSettings {
 }
 
 impl ChannelSettings {
-    /// Shortest conversion, weakest drive: what an unused channel holds.
+    /// Shortest conversion, weakest drive: the settings of an unused channel.
     pub const UNUSED: Self = Self {
         rcount: Rcount::MIN,
         settle_count: SettleCount::MIN,
@@ -66,13 +66,13 @@ impl ChannelSettings {
     };
 }
 
-/// Everything that the driver writes, and compares with what the chip holds. Made by
+/// All settings that the driver writes and compares with the chip's registers. Made by
 /// [`Request::plan`](crate::Request::plan), or by hand for an unusual board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Configuration {
-    /// Which channels.
+    /// Channels to convert.
     pub acquisition: Acquisition,
     /// Reference clock.
     pub reference: ReferenceClock,
@@ -82,14 +82,14 @@ pub struct Configuration {
     pub deglitch: Deglitch,
     /// Where errors are reported.
     pub errors: ErrorConfig,
-    /// Start the sensor with its own drive current instead of the strongest. Slower; the
-    /// datasheet recommends the strongest (Table 41).
+    /// Starts the sensor with its own drive current instead of the strongest. Slower; the datasheet
+    /// recommends the strongest (Table 41).
     pub low_power_activation: bool,
-    /// What is known of its noise.
+    /// Noise parameters of the channels.
     pub noise: Noise,
 }
 
-/// Registers written for each channel.
+/// Number of registers written for each channel.
 const PER_CHANNEL: u8 = 5;
 
 impl Configuration {
@@ -125,7 +125,7 @@ impl Configuration {
         }
     }
 
-    /// The settings of one channel, to be changed.
+    /// The settings of one channel, mutable.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -144,7 +144,7 @@ impl Configuration {
         }
     }
 
-    /// How one channel's codes become frequencies, at the nominal clock.
+    /// Scale from codes of one channel to frequencies, at the nominal clock.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -164,7 +164,7 @@ impl Configuration {
         }
     }
 
-    /// CONFIG while converting, or asleep.
+    /// CONFIG for converting, or for sleep.
     pub(crate) const fn config(&self, sleep: bool) -> Config {
         Config {
             active_channel: match self.acquisition {
@@ -181,7 +181,7 @@ impl Configuration {
         }
     }
 
-    /// CONFIG with the chip seeking its own drive current (datasheet 8.1.5.2).
+    /// CONFIG with which the chip finds its own drive current (datasheet 8.1.5.2).
     pub(crate) const fn calibrating_config(&self, sleep: bool) -> Config {
         Config {
             fixed_drive: false,
@@ -190,12 +190,12 @@ impl Configuration {
         }
     }
 
-    /// How many registers [`register`](Self::register) lists.
+    /// Number of registers that [`register`](Self::register) lists.
     pub(crate) const fn register_count(&self) -> u8 {
         PER_CHANNEL * self.acquisition.channel_count() + 2
     }
 
-    /// The registers to be written while asleep, in order; CONFIG comes after them.
+    /// Register number `index` of those to write while asleep, in order; CONFIG comes after them.
     pub(crate) const fn register(&self, index: u8) -> Option<(Register, u16)> {
         let per_channels = PER_CHANNEL * self.acquisition.channel_count();
         if index == per_channels {
@@ -234,7 +234,8 @@ impl Configuration {
         let mut total = u64::from(WAKE_UP_US);
         for channel in self.acquisition.channels() {
             let settings = self.channel(channel);
-            // Switching takes 692 ns and 5 periods, the measured overhead 11: 32 covers both.
+            // Switching takes 692 ns and 5 periods, the measured overhead is 11 periods: 32 covers
+            // both.
             let periods = u64::from(settings.settle_count.reference_periods())
                 + u64::from(settings.rcount.reference_periods())
                 + 32;

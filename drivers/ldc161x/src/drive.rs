@@ -1,4 +1,4 @@
-//! Sensor drive current: the table, and the code that suits a parallel resistance.
+//! Sensor drive current: the table of codes, and the code that suits a parallel resistance.
 
 use core::fmt;
 
@@ -9,11 +9,12 @@ const DRIVE_CURRENT_UA: [u16; 32] = [
     342, 424, 489, 551, 635, 763, 880, 1017, 1173, 1355, 1563,
 ];
 
-/// Above this peak amplitude the ESD clamp conducts and shifts the frequency (datasheet 8.1.5).
+/// Peak amplitude in volt above which the ESD clamp conducts and shifts the frequency (datasheet
+/// 8.1.5).
 pub const HIGHEST_AMPLITUDE_V: f32 = 1.8;
-/// Below this peak amplitude the chip raises its low-amplitude flag (datasheet 8.1.5).
+/// Peak amplitude in volt below which the chip raises its low-amplitude flag (datasheet 8.1.5).
 pub const LOWEST_CLEAN_AMPLITUDE_V: f32 = 1.2;
-/// Below this peak amplitude the oscillation may stop (datasheet 8.1.5).
+/// Peak amplitude in volt below which the oscillation may stop (datasheet 8.1.5).
 pub const LOWEST_AMPLITUDE_V: f32 = 0.6;
 
 /// A code of DRIVE_CURRENTx.IDRIVE, 0 to 31.
@@ -37,12 +38,12 @@ impl DriveCode {
         if code < 32 { Some(Self(code)) } else { None }
     }
 
-    /// From the low five bits of a register field.
+    /// The code in the low five bits of a register field.
     pub(crate) const fn from_field(bits: u16) -> Self {
         Self((bits & 0x1F) as u8)
     }
 
-    /// The code itself.
+    /// The code as an integer.
     ///
     /// ```
     /// assert_eq!(ldc161x::DriveCode::STRONGEST.code(), 31);

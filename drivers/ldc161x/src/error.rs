@@ -1,4 +1,4 @@
-//! What can go wrong, where, and what to do about it.
+//! Errors with location, cause and remedy.
 
 use core::fmt;
 
@@ -8,13 +8,13 @@ use crate::{DEVICE_ID, MANUFACTURER_ID, Register};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {
-    /// A register was being read.
+    /// Read from a register.
     Read,
-    /// A register was being written.
+    /// Write to a register.
     Write,
 }
 
-/// An error of the driver; `E` is the bus's own.
+/// Error of the driver; `E` is the bus's own error type.
 ///
 /// The flags of a conversion are not here: they are part of its [`Reading`](crate::Reading).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,53 +24,53 @@ pub enum Error<E> {
     Bus {
         /// The register, or the first one of the frame.
         register: Register,
-        /// Which way.
+        /// Read or write.
         direction: Direction,
         /// The bus's own error.
         source: E,
     },
-    /// Something answers, but not with the identity of an LDC1612 or LDC1614.
+    /// A device answers, but not with the identity of an LDC1612 or LDC1614.
     WrongIdentity {
-        /// What MANUFACTURER_ID read.
+        /// Value read from MANUFACTURER_ID.
         manufacturer: u16,
-        /// What DEVICE_ID read.
+        /// Value read from DEVICE_ID.
         device: u16,
     },
-    /// A register does not hold what was just written.
+    /// A register does not read back the value written to it.
     ReadBack {
         /// The register.
         register: Register,
-        /// What was written.
+        /// Value written.
         written: u16,
-        /// What it reads.
+        /// Value read.
         read: u16,
     },
-    /// A register no longer holds what it held: the chip was reset or disturbed. Every frame
-    /// since the last confirmed one is in doubt.
+    /// A register lost its value: the chip was reset or disturbed. Every frame since the last
+    /// confirmed one is in doubt.
     RegistersLost {
         /// The register.
         register: Register,
-        /// What it should hold.
+        /// Expected value.
         expected: u16,
-        /// What it reads.
+        /// Value read.
         found: u16,
     },
-    /// The configuration asks for a channel that this chip has not got.
+    /// The configuration uses a channel that this chip does not have.
     NoSuchChannel,
     /// No configuration was started yet.
     NotStarted,
     /// The chip is asleep, or lost its registers, and converts nothing.
     NotRunning,
-    /// The bytes are not those of a frame as it is requested.
+    /// The number of bytes does not match the frame request.
     FrameLength {
-        /// Bytes of a frame.
+        /// Number of bytes in a frame.
         expected: usize,
-        /// Bytes that were given.
+        /// Number of bytes given.
         found: usize,
     },
     /// INTB did not fall in the time of two frames.
     NoInterrupt {
-        /// How long was waited, in microseconds.
+        /// Time waited, in microseconds.
         waited_us: u32,
     },
     /// INTB stays low although both data and STATUS were read.
@@ -80,7 +80,7 @@ pub enum Error<E> {
 }
 
 impl<E> Error<E> {
-    /// The likely cause and what to do, in plain words.
+    /// The likely cause and the remedy, in plain words.
     ///
     /// ```
     /// use ldc161x::Error;

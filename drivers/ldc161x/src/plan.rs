@@ -1,7 +1,7 @@
-//! From what is requested (clock, sensor, rate, channels) to register values, or to the limit that
-//! stands in the way.
+//! Planner: turns a request (clock, sensor, rate, channels) into register values, or into the limit
+//! that the request breaks.
 //!
-//! All of it is `const`, so that a fixed plan costs no code and a plan that cannot work does not
+//! The whole planner is `const`, so that a fixed plan costs no code and an impossible plan does not
 //! compile. Frequencies are whole hertz, times whole nanoseconds.
 
 use crate::{
@@ -10,36 +10,37 @@ use crate::{
     drive::{HIGHEST_AMPLITUDE_V, LOWEST_AMPLITUDE_V, LOWEST_CLEAN_AMPLITUDE_V},
 };
 
-/// CLKIN from 2 to 40 MHz (datasheet 6.5).
+/// Limits of CLKIN in hertz: 2 to 40 MHz (datasheet 6.5).
 const CLKIN_HZ: (u32, u32) = (2_000_000, 40_000_000);
 /// Highest fREF with one channel, either clock (datasheet Table 43).
 const SINGLE_REFERENCE_HZ: u32 = 35_000_000;
 /// Highest fREF with autoscan: external, internal (datasheet Table 43).
 const AUTOSCAN_REFERENCE_HZ: (u32, u32) = (40_000_000, 55_000_000);
-/// Sensors from 1 kHz to 10 MHz (datasheet 6.5).
+/// Limits of the sensor frequency in hertz: 1 kHz to 10 MHz (datasheet 6.5).
 const SENSOR_HZ: (u32, u32) = (1_000, 10_000_000);
-/// From here on the sensor has to be divided (datasheet Table 43, note 2).
+/// Sensor frequency in hertz from which on the sensor has to be divided (datasheet Table 43,
+/// note 2).
 const DIVIDE_FROM_HZ: u32 = 8_750_000;
-/// Parallel resistance from 1 to 100 kiloohm (datasheet 6.5); below it the high-current mode
-/// would be needed, whose own figures disagree between sources, so that it is not planned.
+/// Limits of the parallel resistance: 1 to 100 kiloohm (datasheet 6.5). A lower resistance needs
+/// the high-current mode; its figures differ between sources, so it is not planned.
 const RP_OHM: (u32, u32) = (1_000, 100_000);
-/// I2C clock (datasheet 6.6).
+/// Limits of the I2C clock in hertz (datasheet 6.6).
 const BUS_HZ: (u32, u32) = (10_000, 400_000);
-/// Switching from one conversion to the next: 692 ns and 5 reference periods (datasheet
-/// Equation 8). An LDC1612 at 12 MHz was measured at 11 periods, 0.92 us, below the 1.11 us of
-/// this.
+/// Time of switching from one conversion to the next: 692 ns and 5 reference periods (datasheet
+/// Equation 8), which is 1.11 us at 12 MHz. An LDC1612 at 12 MHz was measured at 11 periods,
+/// 0.92 us.
 const SWITCH_NS: u64 = 692;
 /// See [`SWITCH_NS`].
 const SWITCH_PERIODS: u64 = 5;
-/// What a master adds to a transfer, taken from the middle of 1 to 10 us seen in practice; the
-/// longest of them, since a plan has to hold.
+/// Time that a master adds to a transfer. Masters were seen to add 1 to 10 us; the plan uses the
+/// longest.
 const MASTER_GAP_NS: u64 = 10_000;
-/// Periods of a sensor at its lowest, behind its divider, in a conversion. Each of its two gates
-/// loses up to two and a half of them, and the stated uncertainty goes by the mean of what is left:
-/// with 4 periods in a conversion it is up to 5 % too small, with 6 up to 2 %.
+/// Fewest periods of the slowest sensor, behind its divider, in a conversion. Each of the two gates
+/// loses up to two and a half periods, and the stated uncertainty assumes the mean of the
+/// remainder: with 4 periods in a conversion it is up to 5 % too small, with 6 up to 2 %.
 const LEAST_PERIODS: u64 = 6;
 
-/// The resonator on a channel, over everything it will meet.
+/// The resonator on a channel, over its whole range of use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -57,9 +58,9 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// A sensor of which only the frequency range is known: quality factor 50 and 5 kiloohm
-    /// assumed, what flat coils of 8 to 25 mm diameter reach at 2 to 9 MHz (computed for this
-    /// project's own coils: 37 to 49). Calibrate the drive current on the board.
+    /// A sensor with only its frequency range known: assumes quality factor 50 and 5 kiloohm, which
+    /// flat coils of 8 to 25 mm diameter reach at 2 to 9 MHz (computed for this project's own
+    /// coils: 37 to 49). Calibrate the drive current on the board.
     ///
     /// ```
     /// assert_eq!(ldc161x::Sensor::new(3_000_000, 4_000_000).highest_hz, 4_000_000);
@@ -74,7 +75,7 @@ impl Sensor {
         }
     }
 
-    /// Whether a frequency in hertz is one that this sensor was planned for.
+    /// Whether a frequency in hertz lies in the range for which this sensor was planned.
     ///
     /// ```
     /// let sensor = ldc161x::Sensor::new(3_000_000, 4_000_000);
@@ -85,21 +86,22 @@ impl Sensor {
     }
 }
 
-/// How often a frame is requested.
+/// Requested frame rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rate {
-    /// At least so many frames a second, each as long, and so as fine, as that allows.
+    /// At least this many frames per second, with conversions as long, and so as fine, as the rate
+    /// allows.
     PerSecond(u32),
-    /// As often as the bus can fetch them and, between two frames, one register more: that of
+    /// As often as the bus can read frames and, between two frames, one register more for
     /// [`check_canary`](crate::Ldc161x::check_canary).
     AsTheBusAllows,
     /// Conversions of this length on every channel.
     Conversion(Rcount),
 }
 
-/// What is requested of the chip.
+/// Request from which a configuration is planned.
 ///
 /// ```
 /// use ldc161x::{Acquisition, Channel, Model, Plan, Rate, ReferenceClock, Request, Sensor};
@@ -122,33 +124,33 @@ pub enum Rate {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Request {
-    /// The chip.
+    /// Chip model.
     pub model: Model,
-    /// Its reference clock.
+    /// Reference clock.
     pub reference: ReferenceClock,
-    /// Which channels.
+    /// Channels to convert.
     pub acquisition: Acquisition,
-    /// The sensors of channels 0 to 3.
+    /// Sensors of channels 0 to 3.
     pub sensors: [Sensor; 4],
-    /// How often.
+    /// Frame rate.
     pub rate: Rate,
     /// I2C clock in hertz.
     pub bus_hz: u32,
-    /// How frames are fetched.
+    /// How registers are read.
     pub access: BusAccess,
-    /// Whether STATUS is read with each frame: all chips can be read so, and those that release INTB
-    /// by that only have to be. Ask the chip with
+    /// Whether STATUS is read with each frame: this works on all chips, and is required on those
+    /// whose INTB only a read of STATUS releases. Determine it with
     /// [`probe_interrupt_release`](crate::Ldc161x::probe_interrupt_release).
     pub status_reads: bool,
-    /// Whether every word is read twice, see
-    /// [`set_read_twice`](crate::Ldc161x::set_read_twice).
+    /// Whether every word is read twice; see [`set_read_twice`](crate::Ldc161x::set_read_twice).
     pub read_twice: bool,
-    /// What is known of its noise.
+    /// Noise parameters of the channels.
     pub noise: Noise,
 }
 
 impl Request {
-    /// The same sensor on every channel, as often as a 400 kHz bus allows, STATUS read with each frame.
+    /// A request with the same sensor on every channel, at the highest rate of a 400 kHz bus, with
+    /// STATUS read in each frame.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -220,7 +222,7 @@ impl Request {
     ///
     /// # Errors
     ///
-    /// The first limit that stands in the way, with the figures on both sides of it.
+    /// The first limit that the request breaks, with the figures on both sides of it.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -302,7 +304,7 @@ impl Request {
             frame_period_ns: frame_period_ns(&configuration, self.reference.range_hz().1),
             advice,
         };
-        // At the fastest clock the frames come soonest.
+        // Frames follow each other fastest at the fastest clock.
         let shortest_ns = frame_period_ns(&configuration, self.reference.range_hz().2);
         if shortest_ns < plan.frame_read_ns {
             return Err(LimitError::BusTooSlow {
@@ -338,8 +340,8 @@ impl Request {
         };
         let (slowest, _, fastest) = self.reference.range_hz();
         let smallest = at_least_one(fastest.div_ceil(limit) as u64) as u32;
-        // Settling has to fit a register of 16 bits: a slow sensor of high quality asks for a
-        // slower reference.
+        // Settling has to fit a register of 16 bits: a slow sensor of high quality needs a slower
+        // reference.
         let mut divider = smallest;
         let mut slowest_to_settle = Channel::Zero;
         let mut position = 0;
@@ -412,8 +414,8 @@ impl Request {
         Err(LimitError::SettleTooLong { channel })
     }
 
-    /// RCOUNT of every channel: the same conversion time for all, so that the frame lasts as long as
-    /// it may. `shortest` has the least RCOUNT, which `slowest` needs.
+    /// Sets RCOUNT of every channel: the same conversion time for all, so that the frame is as long
+    /// as the rate allows. `shortest` has the least RCOUNT, that of the channel `slowest`.
     const fn rcount(
         &self,
         shortest: &Configuration,
@@ -433,7 +435,7 @@ impl Request {
             }
             Rate::PerSecond(0) => Err(LimitError::RateZero),
             Rate::PerSecond(rate) => {
-                // At the slowest clock a frame takes longest: it still has to be in time.
+                // Frames are longest at the slowest clock, and still have to meet the rate.
                 let (slowest_hz, _, _) = self.reference.range_hz();
                 let requested_period_ns = 1_000_000_000 / rate as u64;
                 let frame_period_ns = frame_period_ns(shortest, slowest_hz);
@@ -453,7 +455,8 @@ impl Request {
         }
     }
 
-    /// The most frames a second that can be asked for; none where the longest conversion is too short for the bus.
+    /// Highest frame rate per second that can be requested; 0 if the longest conversion is too
+    /// short for the bus.
     const fn most_per_second(&self, shortest: &Configuration) -> u32 {
         let mut configuration = *shortest;
         let rcount = self.rcount_beyond(shortest, self.frame_read_ns());
@@ -465,13 +468,14 @@ impl Request {
         (1_000_000_000 / at_least_one(longest_ns)) as u32
     }
 
-    /// The least RCOUNT with which a frame takes no less than `period_ns` at the fastest clock.
+    /// Least RCOUNT with which a frame takes at least `period_ns` at the fastest clock.
     const fn rcount_beyond(&self, shortest: &Configuration, period_ns: u64) -> Rcount {
         let (_, _, fastest_hz) = self.reference.range_hz();
         let mut configuration = *shortest;
         let mut rcount = rcount_within(shortest, period_ns, fastest_hz);
         set_rcount(&mut configuration, rcount);
-        // At most twice: what was found is the last one within, but for rounding.
+        // Runs at most twice: the start value is the last one within the period, except for
+        // rounding.
         while frame_period_ns(&configuration, fastest_hz) < period_ns && rcount.get() < u16::MAX {
             rcount = match Rcount::new(rcount.get() + 1) {
                 Some(next) => next,
@@ -482,13 +486,13 @@ impl Request {
         rcount
     }
 
-    /// Time on the bus for one frame, a master's own delay included.
+    /// Time on the bus for one frame in nanoseconds, the master's own delay included.
     const fn frame_read_ns(&self) -> u64 {
         let words = self.acquisition.channel_count() as u32 * (1 + self.read_twice as u32);
         self.read_ns(2 * words + self.status_reads as u32)
     }
 
-    /// The same for a number of registers.
+    /// Time on the bus for a number of registers in nanoseconds, the master's own delay included.
     const fn read_ns(&self, registers: u32) -> u64 {
         let bits = self.access.bit_times(registers) as u64;
         (bits * 1_000_000_000).div_ceil(at_least_one(self.bus_hz as u64)) + MASTER_GAP_NS
@@ -504,7 +508,7 @@ const fn set_rcount(configuration: &mut Configuration, rcount: Rcount) {
     }
 }
 
-/// RCOUNT and divider of the reference, which are the same for every channel.
+/// RCOUNT and divider of the reference, which all channels share.
 const fn common(configuration: &Configuration) -> (Rcount, u16) {
     match configuration.acquisition.channel_at(0) {
         Some(first) => {
@@ -515,8 +519,8 @@ const fn common(configuration: &Configuration) -> (Rcount, u16) {
     }
 }
 
-/// The largest RCOUNT with which a frame, at `clock_hz`, takes no longer than `period_ns`, which that
-/// of `shortest` does not.
+/// Largest RCOUNT with which a frame at `clock_hz` takes at most `period_ns`. The frame of
+/// `shortest` has to fit.
 const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) -> Rcount {
     let (least, divider) = common(shortest);
     let least_ns = frame_period_ns(shortest, clock_hz);
@@ -531,7 +535,7 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
         Some(rcount) => rcount,
         None => least,
     };
-    // By rounding one more may be within.
+    // Because of rounding one more may fit.
     if let Some(next) = Rcount::new(rcount.get().saturating_add(1)) {
         let mut configuration = *shortest;
         set_rcount(&mut configuration, next);
@@ -542,8 +546,9 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
     rcount
 }
 
-/// The least RCOUNT for [`LEAST_PERIODS`] of the sensor. Within the limits of clocks and sensors that
-/// is at most 41,250: 1 kHz, divided by 2 for its highest, at the 55 MHz of the internal oscillator.
+/// Least RCOUNT for [`LEAST_PERIODS`] of the sensor. Within the limits of clocks and sensors it is
+/// at most 41,250: 1 kHz, divided by 2 for its highest frequency, at the 55 MHz of the internal
+/// oscillator.
 const fn least_rcount(sensor: &Sensor, dividers: ClockDividers, clock_hz: u32) -> Rcount {
     let counted = LEAST_PERIODS * dividers.sensor() as u64 * clock_hz as u64;
     let lowest = 16 * dividers.reference() as u64 * sensor.lowest_hz as u64;
@@ -557,14 +562,14 @@ const fn least_rcount(sensor: &Sensor, dividers: ClockDividers, clock_hz: u32) -
     }
 }
 
-/// A divisor that the compiler knows not to be zero. No zero gets here: clocks, bus and sensors
-/// are checked before. But a division that could panic would drag the panic machinery into the
-/// program.
+/// Returns the divisor, or 1 for 0, so that the compiler knows it is not zero. No zero arrives
+/// here, since clocks, bus and sensors are checked before; but a division that could panic would
+/// link the panic machinery into the program.
 const fn at_least_one(divisor: u64) -> u64 {
     if divisor == 0 { 1 } else { divisor }
 }
 
-/// 16 SETTLECOUNT FREF_DIVIDER: clock periods of settling, in units of 16, before the divider.
+/// Settling time in units of 16 clock periods before the divider: SETTLECOUNT times FREF_DIVIDER.
 const fn settle_periods(sensor: &Sensor, clock_hz: u32) -> u64 {
     let numerator = sensor.highest_quality_factor as u64 * clock_hz as u64;
     let lowest_hz = at_least_one(sensor.lowest_hz as u64);
@@ -600,7 +605,7 @@ const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), LimitErro
 }
 
 /// The strongest drive below the clamp at the highest resistance; it has to keep the sensor
-/// oscillating at the lowest.
+/// oscillating at the lowest resistance.
 const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, LimitError> {
     let Some(drive) = DriveCode::strongest_below_clamp(sensor.highest_rp_ohm) else {
         return Err(LimitError::AmplitudeTooHigh {
@@ -618,8 +623,8 @@ const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, Limi
     Ok(drive)
 }
 
-/// Length of a frame in nanoseconds at `clock_hz`: with autoscan settling, conversion and
-/// switching of every channel; with one channel conversion and switching only.
+/// Length of a frame in nanoseconds at `clock_hz`: with autoscan settling, conversion and switching
+/// of every channel; with one channel conversion and switching only.
 const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
     let mut total_ns = 0;
     let mut position = 0;
@@ -638,7 +643,7 @@ const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
     total_ns
 }
 
-/// What the plan allows and its user should know.
+/// Properties of a plan that its user should know.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -646,10 +651,10 @@ pub struct Advice {
     /// The sensor may reach a third, a fifth or a seventh of the clock, where a weakly driven
     /// oscillator can lock to it (application note SNOA945).
     pub injection_lock: bool,
-    /// At its lowest resistance the sensor's amplitude is below 1.2 V: it will work, with more
-    /// noise and with the amplitude flag up.
+    /// At its lowest resistance the sensor's amplitude is below 1.2 V: it works, but with more
+    /// noise and with the amplitude flag set.
     pub low_amplitude: bool,
-    /// The internal oscillator is anywhere in 35 to 55 MHz: no absolute frequency without
+    /// The internal oscillator lies anywhere in 35 to 55 MHz: no absolute frequency without
     /// calibration.
     pub uncalibrated_clock: bool,
 }
@@ -680,7 +685,7 @@ impl Advice {
     }
 }
 
-/// A configuration that keeps every limit, with its timing.
+/// A configuration within every limit, with its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -688,11 +693,11 @@ pub struct Plan {
     /// Register values.
     pub configuration: Configuration,
     /// Time between frames in nanoseconds at the nominal clock, with the switching time of
-    /// Equation 8. The true overhead is not settled between sources: measure it from INTB.
+    /// Equation 8. Sources differ about the true overhead: measure it from INTB.
     pub frame_period_ns: u64,
     /// Time on the bus for each frame in nanoseconds, with 10 us for the master.
     pub frame_read_ns: u64,
-    /// What to know about it.
+    /// Properties that the user should know.
     pub advice: Advice,
 }
 
@@ -710,7 +715,7 @@ impl Plan {
         1e9 / self.frame_period_ns as f32
     }
 
-    /// Share of the bus taken, 0 to 1.
+    /// Share of the bus time that frames take, 0 to 1.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -725,7 +730,7 @@ impl Plan {
     }
 }
 
-/// Amplitude limits in millivolt, for the texts of refusals.
+/// Amplitude limits in millivolt, for the texts of [`LimitError`].
 pub(crate) const fn amplitude_limits_mv() -> (u32, u32) {
     (
         (LOWEST_AMPLITUDE_V * 1e3 + 0.5) as u32,

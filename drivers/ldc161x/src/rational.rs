@@ -1,14 +1,14 @@
 //! Words as ratios of counts: DATA = round(2^28 M / N).
 //!
-//! The chip counts M sensor periods against N reference periods. Twenty of twenty words that
-//! users of LDC1612 boards posted decode that way, with N a little below 32 RCOUNT; a random
-//! word does so with a chance of about half a per cent. That gives a converter without a
-//! checksum a check on every word, and averages without rounding: sum of M over sum of N.
+//! The chip counts M sensor periods against N reference periods. Twenty of twenty words that users
+//! of LDC1612 boards posted decode this way, with N a little below 32 RCOUNT; a random word does so
+//! with a probability of about half a per cent. So every word of a converter without a checksum can
+//! be checked, and averages need no rounding: sum of M over sum of N.
 //!
 //! This is a hypothesis about the silicon, seen on the LDC1612 with one channel and the sensor
 //! undivided. It therefore feeds statistics and never rejects a reading by itself:
-//! [`PlausibilityCount`] tells whether the hypothesis holds for the chip in hand. Words of sensors below
-//! 1/37 of the reference are not judged: of their N too little is known.
+//! [`PlausibilityCount`] says whether the hypothesis holds for the chip in use. Words of sensors
+//! below 1/37 of the reference are not judged, since too little is known about their N.
 
 use core::num::NonZeroU32;
 
@@ -17,27 +17,28 @@ use crate::{Code28, Rcount};
 /// Full scale of a conversion result, 2^28.
 const FULL_SCALE: u32 = 1 << 28;
 
-/// N is at most 32 RCOUNT less this: the counter's start-up loses some reference periods.
-/// Posted words lie 16 and more below (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
+/// Smallest difference between 32 RCOUNT and N: the counter's start-up loses some reference
+/// periods. Posted words lie 16 and more below (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
 const SMALLEST_DEFICIT: u32 = 10;
-/// N is at least 32 RCOUNT less this for sensors of up to 3.8 reference periods: posted words lie
-/// up to 28 below (12 MHz, 14 words), 2 are a margin.
+/// Largest difference between 32 RCOUNT and N for sensors of up to 3.8 reference periods: posted
+/// words lie up to 28 below (12 MHz, 14 words); 2 are a margin.
 const LARGEST_DEFICIT: u32 = 30;
-/// For slower sensors the loss grows with their period p, since each of two gates waits for an
-/// edge at its beginning and ends at the last one before its end: at most 2 p each, and what of
-/// the start-up is not constant, about p / 2 each (posted words: 42 lost at p = 9.15, 28 at
-/// 3.77). 11 is the constant part, 8, with the rounding of four edges and a margin of 1.
+/// Largest difference for slower sensors, as a constant and a factor of the sensor's period p. Each
+/// of the two gates waits for an edge at its start and ends at the last edge before its end: at
+/// most 2 p each. The variable part of the start-up takes about p / 2 each (posted words: 42 lost
+/// at p = 9.15, 28 at 3.77). 11 is the constant part, 8, with the rounding of four edges and a
+/// margin of 1.
 const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
-/// Bounds the search, and so its time and its false-accept rate. The window of a sensor slower than
-/// 1/37 of the reference is wider: its words are not judged.
+/// Largest difference that is searched. It bounds the time of the search and its false-accept rate.
+/// The window of a sensor slower than 1/37 of the reference is wider: its words are not judged.
 const SEARCH_LIMIT: u32 = 200;
 
-/// What is lost of 32 RCOUNT on average, in reference periods and in sensor periods: half a period of
+/// Mean loss out of 32 RCOUNT, in reference periods and in sensor periods: half a period of
 /// start-up, half a period of waiting for the first edge and half a period after the last one, in
 /// each of two gates. Posted words: 20 lost at p = 3.77, 37 at 9.15.
 const MEAN_DEFICIT: (u32, u32) = (8, 3);
 
-/// N on average, of such words. The least is one sensor period.
+/// Mean N of such words, at least one sensor period.
 pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
     let (constant, periods) = MEAN_DEFICIT;
     let deficit = constant + periods * FULL_SCALE / word;
@@ -47,7 +48,7 @@ pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
         .max(period)
 }
 
-/// The values of N that RCOUNT and the speed of the sensor leave open.
+/// The values of N that are possible for an RCOUNT and a sensor period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -59,9 +60,9 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a word: from 32 RCOUNT - 10 down to 32 RCOUNT - 30, or 11 + 5 p where that
-    /// is more, p the sensor's period in reference periods, 2^28 / DATA; at most 200 below, and
-    /// at most half.
+    /// The window of a word: from 32 RCOUNT - 10 down to 32 RCOUNT - 30, or to 32 RCOUNT - (11 + 5
+    /// p) if that is less, with p = 2^28 / DATA, the sensor's period in reference periods; at most
+    /// 200 below, and at most half.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Window};
@@ -79,7 +80,7 @@ impl Window {
         }
     }
 
-    /// How many values of N it holds.
+    /// Number of values of N in the window.
     ///
     /// ```
     /// let window = ldc161x::Window { lowest: 10, highest: 30 };
@@ -90,7 +91,7 @@ impl Window {
     }
 }
 
-/// By how much N may be below 32 RCOUNT.
+/// Largest difference between 32 RCOUNT and N.
 const fn largest_deficit(code: Code28) -> u32 {
     let code = if code.get() == 0 { 1 } else { code.get() };
     let (constant, periods) = LARGEST_DEFICIT_PERIODS;
@@ -102,7 +103,7 @@ const fn largest_deficit(code: Code28) -> u32 {
     }
 }
 
-/// By how much below 32 RCOUNT the search goes.
+/// Largest difference below 32 RCOUNT that the search covers.
 const fn largest_searched(rcount: Rcount) -> u32 {
     let half = rcount.reference_periods();
     if half < SEARCH_LIMIT {
@@ -123,18 +124,17 @@ pub struct Rational {
     pub n: u32,
     /// DATA - 2^28 M / N, in units of the last bit of the word.
     pub residual_lsb: f32,
-    /// Whether the residual is explained by rounding alone, |residual| <= 0.5. `None`: the sensor is
-    /// so slow, below 1/37 of the reference, that N may lie outside the [`Window`]; or the word is at an
-    /// end of its range, where it is no result but a limit.
+    /// Whether rounding alone explains the residual, |residual| <= 0.5. `None` if the sensor is
+    /// slower than 1/37 of the reference, so that N may lie outside the [`Window`], or if the word
+    /// is at an end of its range and so is a limit and no result.
     pub plausible: Option<bool>,
-    /// The chance that a random word of this size passes as plausible: about
-    /// window x N / 2^28, 0.4 % at RCOUNT 1512, near 1 at 65,535. A verdict is worth no more
-    /// than this number is small.
+    /// Probability that a random word of this size passes as plausible: about window x N / 2^28,
+    /// 0.4 % at RCOUNT 1512, near 1 at 65,535. The smaller it is, the more a verdict is worth.
     pub false_accept: f32,
 }
 
 impl Rational {
-    /// The ratio that comes closest to `code`, N within [`Window::of`].
+    /// The ratio closest to `code`, with N within [`Window::of`].
     ///
     /// Needs no division per candidate: DATA x N modulo 2^28 advances by DATA from one N to
     /// the next, and its distance from a multiple of 2^28 is the residual times N.
@@ -165,7 +165,7 @@ impl Rational {
         let n = nearest;
         let product = u64::from(data) * u64::from(n);
         let m = (product + u64::from(FULL_SCALE / 2)) / u64::from(FULL_SCALE);
-        // The lower end, 0, is slower than any sensor that is judged.
+        // The lower end, 0, stands for a slower sensor than any that is judged.
         let is_judged =
             code != Code28::OVER_RANGE && largest_deficit(code) <= largest_searched(rcount);
         Self {
@@ -192,10 +192,10 @@ fn false_accept(window: Window) -> f32 {
     (window.count() as f32 * middle / FULL_SCALE as f32).min(1.0)
 }
 
-/// Exact average of words: sum of M over sum of N, no rounding on the way.
+/// Exact average of words: sum of M over sum of N, without intermediate rounding.
 ///
-/// A mean of words weighs each by its length implicitly and carries each one's rounding; the
-/// ratio of sums is what one conversion over all the gates together would have counted.
+/// A mean of words weights each implicitly by its length and carries the rounding of each; the
+/// ratio of sums is the count of one conversion over all the gates together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -233,7 +233,7 @@ impl RatioOfSums {
         (self.n > 0).then(|| self.m as f64 / self.n as f64)
     }
 
-    /// How many words were added.
+    /// Number of words added.
     ///
     /// ```
     /// assert_eq!(ldc161x::RatioOfSums::default().words(), 0);
@@ -243,7 +243,7 @@ impl RatioOfSums {
     }
 }
 
-/// What the words of one chip say about the hypothesis itself.
+/// Whether the words of one chip support the hypothesis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -252,11 +252,12 @@ pub enum Hypothesis {
     Undecided,
     /// The words fit far more often than chance: an implausible word is a corrupt word.
     Holds,
-    /// The words fit no more often than chance would have it: the verdicts mean nothing here.
+    /// The words fit no more often than by chance: the verdicts mean nothing on this chip.
     Fails,
 }
 
-/// Counts verdicts against what chance alone would give. Words that are not judged do not count.
+/// Counts verdicts and compares them with the number expected by chance. Words that are not judged
+/// do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -265,7 +266,7 @@ pub struct PlausibilityCount {
     pub words: u32,
     /// Words found plausible.
     pub plausible: u32,
-    /// Words that would have been found plausible had all been random.
+    /// Expected number of plausible words if all were random.
     pub expected_by_chance: f32,
 }
 
@@ -291,10 +292,10 @@ impl PlausibilityCount {
         self.expected_by_chance += word.false_accept;
     }
 
-    /// Whether this chip's words are ratios of counts.
+    /// Whether the words of this chip are ratios of counts.
     ///
-    /// `Holds` where at least nine in ten fit and chance would have given less than half;
-    /// `Fails` where fewer than half of at least eight fit, whatever chance would have given.
+    /// `Holds` if at least nine in ten fit and fewer than half would fit by chance; `Fails` if
+    /// fewer than half of at least eight fit, whatever the number expected by chance.
     ///
     /// ```
     /// use ldc161x::{Hypothesis, PlausibilityCount};

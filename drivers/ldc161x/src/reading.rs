@@ -1,4 +1,4 @@
-//! What the chip answers: words, flags, readings, frames.
+//! Results of conversions: words, flags, readings, frames.
 
 use crate::{Acquisition, Channel, Status};
 
@@ -30,7 +30,7 @@ impl Code28 {
         }
     }
 
-    /// The integer.
+    /// The code as an integer.
     ///
     /// ```
     /// assert_eq!(ldc161x::Code28::OVER_RANGE.get(), 0x0FFF_FFFF);
@@ -51,8 +51,8 @@ impl Code28 {
     }
 }
 
-/// The four error flags that travel with a conversion result (datasheet Table 1). They are
-/// data: the code beside them is always kept. Reading the word clears them in the chip.
+/// The four error flags in a conversion result (datasheet Table 1). They are data: the code beside
+/// them is always kept. Reading the word clears them in the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -61,14 +61,14 @@ pub struct Flags {
     pub under_range: bool,
     /// ERR_OR: the sensor is faster than the reference.
     pub over_range: bool,
-    /// ERR_WD: the conversion was given up and the code is meaningless.
+    /// ERR_WD: the conversion was aborted and the code is meaningless.
     pub watchdog: bool,
     /// ERR_AE: amplitude outside 1.2 to 1.8 V; the drive current does not suit the sensor.
     pub amplitude: bool,
 }
 
 impl Flags {
-    /// Whether any flag is up.
+    /// Whether any flag is set.
     ///
     /// ```
     /// assert!(!ldc161x::Flags::default().any());
@@ -139,7 +139,7 @@ impl Word {
     }
 }
 
-/// Whether a result is new. Only STATUS tells; a frame read on an INTB edge is new by that.
+/// Whether a result is new. Only STATUS reports it; a frame read on an INTB edge is always new.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -149,21 +149,21 @@ pub enum Freshness {
     NotAsked,
     /// STATUS showed an unread result.
     New,
-    /// STATUS showed none: the same result was read before, its flags are gone.
+    /// STATUS showed no unread result: it was read before, and its flags are gone.
     Repeated,
 }
 
-/// What a reading is worth.
+/// Verdict on a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Quality {
-    /// Nothing speaks against it. Whether the sensor is where it was planned is another question:
+    /// No objection. Whether the sensor is within its planned range is a separate question:
     /// [`Sensor::covers`](crate::Sensor::covers).
     Good,
-    /// Read after a gap (start, recovery, bus error): an earlier, failed read may have taken
-    /// its flags away, and a channel that has not converted yet still reads as it was.
+    /// Read after a gap (start, recovery, bus error): an earlier, failed read may have cleared its
+    /// flags, and a channel that has not converted since still returns its old result.
     AfterGap,
     /// Amplitude flag: below 1.2 V noisier, above 1.8 V shifted by the ESD clamp.
     Amplitude,
@@ -171,15 +171,15 @@ pub enum Quality {
     Watchdog,
     /// Code 0 or the under-range flag: no oscillation, no conversion yet, or OFFSETx too large.
     UnderRange,
-    /// Code 2^28 - 1 or the over-range flag: sensor faster than the reference.
+    /// Code 2^28 - 1 or the over-range flag: the sensor is faster than the reference.
     OverRange,
     /// The input is at or above a quarter of the reference, outside the datasheet's limit
-    /// (Table 43). Posted words of boards run that way (0.266 of the reference) still are ratios
-    /// of counts.
+    /// (Table 43). Posted words of boards that run this way (0.266 of the reference) are still
+    /// ratios of counts.
     AboveQuarterReference,
     /// STATUS showed no unread result.
     Repeated,
-    /// Read twice, with two answers.
+    /// The two reads of the word differ.
     Differs,
 }
 
@@ -192,26 +192,26 @@ pub struct Reading {
     pub channel: Channel,
     /// Flags and code as read.
     pub word: Word,
-    /// Frequency of the sensor in hertz (see [`Scale`](crate::Scale)), whatever the flags say.
-    /// An `f64`, because an `f32` steps by 0.25 Hz at 3 MHz, as much as the noise of a long
+    /// Frequency of the sensor in hertz (see [`Scale`](crate::Scale)), whatever the flags. An
+    /// `f64`, because an `f32` has steps of 0.25 Hz at 3 MHz, as large as the noise of a long
     /// conversion.
     pub frequency_hz: f64,
-    /// Standard uncertainty of `frequency_hz` in hertz from quantisation and white noise; the
-    /// reference clock's own error is not in it.
+    /// Standard uncertainty of `frequency_hz` in hertz from quantisation and white noise, without
+    /// the error of the reference clock.
     pub sigma_hz: f32,
     /// Whether the counter's input was at or above a quarter of the reference, beyond the limit
     /// of the datasheet's Table 43.
     pub above_quarter_reference: bool,
     /// Whether the result is new.
     pub freshness: Freshness,
-    /// With double reading: whether both reads gave the same code.
+    /// With double reading: whether both reads returned the same code.
     pub agrees: Option<bool>,
     /// Whether the frame follows a gap.
     pub after_gap: bool,
 }
 
 impl Reading {
-    /// What stands in a frame where no reading does.
+    /// Placeholder for an unused entry of a frame.
     const NONE: Self = Self {
         channel: Channel::Zero,
         word: Word(0),
@@ -223,7 +223,7 @@ impl Reading {
         after_gap: false,
     };
 
-    /// The verdict on this reading, the gravest objection first.
+    /// The verdict on this reading; with several objections the gravest.
     ///
     /// ```
     /// use ldc161x::{Quality, Reading, Word};
@@ -253,9 +253,9 @@ impl Reading {
         }
     }
 
-    /// Whether nothing speaks against it. A sensor far outside of its planned range may give such
-    /// readings as well: they are true frequencies as long as it oscillates below the deglitch
-    /// filter's limit, and settle count and drive current were planned for others
+    /// Whether there is no objection to the reading. A sensor far outside of its planned range may
+    /// also give such readings: they are true frequencies as long as it oscillates below the limit
+    /// of the deglitch filter, but settle count and drive current were planned for another range
     /// ([`Sensor::covers`](crate::Sensor::covers)).
     ///
     /// ```
@@ -268,7 +268,7 @@ impl Reading {
     }
 }
 
-/// What happened between the frame before and this one.
+/// Events between the previous frame and this one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -286,11 +286,11 @@ pub struct Marks {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
-    /// Counts frames since the driver was made; wraps.
+    /// Number of the frame since the driver was created; wraps.
     pub number: u32,
-    /// What happened before it.
+    /// Events before this frame.
     pub marks: Marks,
-    /// STATUS, where it was read.
+    /// STATUS, if it was read.
     pub status: Option<Status>,
     readings: [Reading; 4],
     count: u8,
@@ -307,7 +307,7 @@ impl Frame {
         }
     }
 
-    /// Adds a reading; a fifth one is dropped, since the chip has four channels.
+    /// Adds a reading; drops a fifth one, since the chip has four channels.
     pub(crate) fn push(&mut self, reading: Reading) {
         if let Some(slot) = self.readings.get_mut(usize::from(self.count)) {
             *slot = reading;
@@ -335,7 +335,7 @@ impl Frame {
             .find(|reading| reading.channel == channel)
     }
 
-    /// Whether it holds one reading for each channel of `acquisition`.
+    /// Whether the frame holds one reading for each channel of `acquisition`.
     ///
     /// ```
     /// use ldc161x::{Acquisition, Channel, Frame};

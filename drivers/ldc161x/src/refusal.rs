@@ -1,4 +1,4 @@
-//! Why a request cannot be planned, in words.
+//! Reasons why a request cannot be planned.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ use crate::{Channel, Model, Rcount, plan::amplitude_limits_mv};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum LimitError {
-    /// The chip has fewer channels.
+    /// The chip has fewer channels than requested.
     NoSuchChannel {
         /// The chip.
         model: Model,
@@ -25,7 +25,7 @@ pub enum LimitError {
         /// As requested, in hertz.
         hz: u32,
     },
-    /// The sensor is outside 1 kHz to 10 MHz, or its range is upside down.
+    /// The sensor is outside 1 kHz to 10 MHz, or its lowest frequency is above its highest.
     SensorFrequency {
         /// Its channel.
         channel: Channel,
@@ -34,7 +34,8 @@ pub enum LimitError {
         /// As requested, in hertz.
         highest_hz: u32,
     },
-    /// The parallel resistance is outside 1 to 100 kiloohm, or its range is upside down.
+    /// The parallel resistance is outside 1 to 100 kiloohm, or its lowest value is above its
+    /// highest.
     ParallelResistance {
         /// Its channel.
         channel: Channel,
@@ -47,24 +48,24 @@ pub enum LimitError {
     ReferenceTooSlow {
         /// Its channel.
         channel: Channel,
-        /// The sensor at its fastest, in hertz.
+        /// Highest sensor frequency, in hertz.
         sensor_hz: u32,
-        /// The reference at its slowest, in hertz.
+        /// Lowest reference frequency, in hertz.
         reference_hz: u32,
     },
-    /// The settling time asked for by the quality factor exceeds SETTLECOUNT.
+    /// The settling time that the quality factor needs exceeds SETTLECOUNT.
     SettleTooLong {
         /// Its channel.
         channel: Channel,
     },
-    /// Even the weakest drive drives the sensor above 1.8 V.
+    /// Even the weakest drive current drives the sensor above 1.8 V.
     AmplitudeTooHigh {
         /// Its channel.
         channel: Channel,
         /// As requested, in ohm.
         highest_rp_ohm: u32,
     },
-    /// No one drive current keeps the amplitude between 0.6 and 1.8 V over the range.
+    /// No single drive current keeps the amplitude between 0.6 and 1.8 V over the range.
     ResistanceRange {
         /// Its channel.
         channel: Channel,
@@ -73,39 +74,40 @@ pub enum LimitError {
         /// As requested, in ohm.
         highest_rp_ohm: u32,
     },
-    /// A rate of zero.
+    /// The requested rate is zero.
     RateZero,
-    /// Settling, switching and the shortest conversions take longer than a frame may.
+    /// Settling, switching and the shortest conversions take longer than the requested frame
+    /// period.
     RateTooHigh {
         /// The shortest frame, in nanoseconds.
         frame_period_ns: u64,
-        /// What the rate allows, in nanoseconds.
+        /// The requested frame period, in nanoseconds.
         requested_period_ns: u64,
-        /// The most frames a second that can be asked for.
+        /// Highest frame rate per second that can be requested.
         most_per_second: u32,
     },
-    /// A conversion holds too few periods of the sensor for its uncertainty to be stated.
+    /// A conversion contains too few sensor periods for its uncertainty to be stated.
     ConversionTooShort {
         /// The channel with the slowest sensor.
         channel: Channel,
-        /// As requested.
+        /// Requested RCOUNT.
         rcount: Rcount,
-        /// The least that will do.
+        /// Least sufficient RCOUNT.
         least: Rcount,
     },
-    /// Frames end sooner than the bus can fetch them: results would be overwritten unread.
+    /// Frames end sooner than the bus can read them, so results would be overwritten unread.
     BusTooSlow {
-        /// The frame at the fastest clock, in nanoseconds.
+        /// Frame period at the fastest clock, in nanoseconds.
         frame_period_ns: u64,
-        /// Its time on the bus, in nanoseconds.
+        /// Time on the bus per frame, in nanoseconds.
         frame_read_ns: u64,
-        /// The most frames a second that can be asked for.
+        /// Highest frame rate per second that can be requested.
         most_per_second: u32,
     },
 }
 
 impl LimitError {
-    /// The limit and where it stands.
+    /// The limit and its source.
     ///
     /// ```
     /// let refusal = ldc161x::LimitError::Clkin { hz: 50_000_000 };
@@ -136,7 +138,7 @@ impl LimitError {
         }
     }
 
-    /// What to change.
+    /// The remedy.
     ///
     /// ```
     /// assert!(ldc161x::LimitError::RateZero.remedy().starts_with("ask"));

@@ -1,8 +1,7 @@
-//! The register file: addresses, and one typed value for each register that can be written.
+//! Register file: addresses, and one typed value for each writable register.
 //!
-//! The types hold the fields only. Reserved bits exist nowhere but in `to_bits`, so that they
-//! cannot be set wrong; `from_bits` refuses a word whose reserved bits differ from what the
-//! datasheet demands.
+//! The types contain the fields only. Only `to_bits` adds the reserved bits, so that they cannot be
+//! set wrong; `from_bits` rejects a word whose reserved bits differ from the datasheet's.
 
 use core::fmt;
 
@@ -27,7 +26,7 @@ pub enum Register {
     ClockDividers(Channel),
     /// STATUS (7.6.26).
     Status,
-    /// ERROR_CONFIG: which events reach the data word, and which INTB (7.6.27).
+    /// ERROR_CONFIG: events reported in the data word and on INTB (7.6.27).
     ErrorConfig,
     /// CONFIG (7.6.28).
     Config,
@@ -69,8 +68,8 @@ impl Register {
         }
     }
 
-    /// The bits that a read-back must reproduce: no reserved bits of CONFIG. DRIVE_CURRENTx carries a read-only field that
-    /// the chip updates by itself (INIT_IDRIVEx, bits 10 to 6).
+    /// Bits that a read-back must reproduce: all but the reserved bits of CONFIG and the read-only
+    /// field of DRIVE_CURRENTx, which the chip updates by itself (INIT_IDRIVEx, bits 10 to 6).
     pub(crate) const fn readback_mask(self) -> u16 {
         match self {
             Self::DriveCurrent(_) => !(0x1F << 6),
@@ -95,8 +94,8 @@ pub(crate) const RESET: u16 = 1 << 15;
 pub struct Rcount(u16);
 
 impl Rcount {
-    /// Shortest conversion: the datasheet says both "0x0005 and up" (Table 9) and "> 8"
-    /// (Table 43); the stricter one holds here.
+    /// Shortest conversion. The datasheet says both "0x0005 and up" (Table 9) and "> 8" (Table 43);
+    /// the driver applies the stricter one.
     pub const MIN: Self = Self(9);
     /// Longest conversion, and best resolution.
     pub const MAX: Self = Self(0xFFFF);
@@ -125,9 +124,9 @@ impl Rcount {
         self.0
     }
 
-    /// Reference periods in one conversion, 16 RCOUNT (datasheet Table 39). Equation 7 of the
-    /// same datasheet adds 4, a measurement found 11: see [`Plan`](crate::Plan) for what is
-    /// counted on.
+    /// Reference periods in one conversion, 16 RCOUNT (datasheet Table 39). Equation 7 of the same
+    /// datasheet adds 4, a measurement found 11: see [`Plan`](crate::Plan) for the value that the
+    /// planner uses.
     ///
     /// ```
     /// assert_eq!(ldc161x::Rcount::MAX.reference_periods(), 1_048_560);
@@ -198,7 +197,7 @@ impl ClockDividers {
         reference: 1,
     };
 
-    /// `sensor` is FIN_DIVIDER, 1 to 15; `reference` is FREF_DIVIDER, 1 to 1023.
+    /// The dividers: `sensor` is FIN_DIVIDER, 1 to 15; `reference` is FREF_DIVIDER, 1 to 1023.
     ///
     /// ```
     /// use ldc161x::ClockDividers;
@@ -241,7 +240,7 @@ impl ClockDividers {
         (self.sensor as u16) << 12 | self.reference
     }
 
-    /// From a register word; `None` where a divider is zero or a reserved bit is set.
+    /// The dividers of a register word; `None` if a divider is zero or a reserved bit is set.
     ///
     /// ```
     /// use ldc161x::ClockDividers;
@@ -256,15 +255,15 @@ impl ClockDividers {
     }
 }
 
-/// What STATUS says (datasheet Table 25). It is sticky, and reading it clears it, releases INTB
-/// and, by application note SNOA959, also the unread marks.
+/// Value of STATUS (datasheet Table 25). It is sticky; reading it clears it, releases INTB and,
+/// according to application note SNOA959, also clears the unread marks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Status(u16);
 
 impl Status {
-    /// From the register word. Every word is a valid STATUS.
+    /// The status of a register word. Every word is valid.
     ///
     /// ```
     /// use ldc161x::{Channel, Status};
@@ -290,8 +289,8 @@ impl Status {
         self.0 >> position & 1 == 1
     }
 
-    /// The channel of the first error since the last read; later ones are lost. `None` where
-    /// no error is reported.
+    /// The channel of the first error since the last read; later errors are lost. `None` if no
+    /// error is reported.
     ///
     /// ```
     /// assert_eq!(ldc161x::Status::default().error_channel(), None);
@@ -331,7 +330,7 @@ impl Status {
         self.bit(12)
     }
 
-    /// ERR_WD: the conversion was given up and its data are invalid.
+    /// ERR_WD: the conversion was aborted and its data are invalid.
     ///
     /// ```
     /// assert!(ldc161x::Status::from_bits(1 << 11).watchdog());
@@ -358,7 +357,7 @@ impl Status {
         self.bit(9)
     }
 
-    /// ERR_ZC: no sensor edge in the whole conversion. Reported here only.
+    /// ERR_ZC: no sensor edge in the whole conversion. Reported in STATUS only.
     ///
     /// ```
     /// assert!(ldc161x::Status::from_bits(1 << 8).zero_count());
@@ -383,7 +382,7 @@ impl Status {
     /// assert!(Status::from_bits(1).unread(Channel::Three));
     /// ```
     pub const fn unread(self, channel: Channel) -> bool {
-        // The bits stand in reversed order: channel 0 in bit 3.
+        // The bits are in reversed order: channel 0 in bit 3.
         self.bit(3 - channel.number())
     }
 }
@@ -420,8 +419,8 @@ pub struct ErrorConfig {
 }
 
 impl ErrorConfig {
-    /// Every error in the data word, data ready on INTB. Errors do not raise INTB: then each
-    /// edge stands for one finished frame and nothing else.
+    /// Every error in the data word, data ready on INTB. Errors do not raise INTB, so each edge
+    /// means one finished frame.
     pub const DATA_READY: Self = Self {
         under_range_to_data: true,
         over_range_to_data: true,
@@ -437,8 +436,8 @@ impl ErrorConfig {
         data_ready_to_interrupt: true,
     };
 
-    /// Every event everywhere: [`Status`] then also tells a high amplitude from a low one, and
-    /// a zero count.
+    /// Every event everywhere: [`Status`] then also distinguishes a high amplitude from a low one,
+    /// and reports a zero count.
     pub const EVERYTHING: Self = Self {
         under_range_to_interrupt: true,
         over_range_to_interrupt: true,
@@ -469,7 +468,7 @@ impl ErrorConfig {
             | self.data_ready_to_interrupt as u16
     }
 
-    /// From a register word; `None` where a reserved bit is set.
+    /// The settings of a register word; `None` if a reserved bit is set.
     ///
     /// ```
     /// use ldc161x::ErrorConfig;
@@ -511,7 +510,7 @@ pub struct Config {
     /// SENSOR_ACTIVATE_SEL: start the sensor with the programmed current instead of the
     /// strongest one.
     pub low_power_activation: bool,
-    /// AUTO_AMP_DIS: leave the drive current alone between conversions.
+    /// AUTO_AMP_DIS: no correction of the drive current between conversions.
     pub amplitude_correction_off: bool,
     /// REF_CLK_SRC: reference from CLKIN instead of the internal oscillator.
     pub external_reference: bool,
@@ -551,7 +550,7 @@ impl Config {
             | 0b00_0001
     }
 
-    /// From a register word; `None` where a reserved bit differs.
+    /// The settings of a register word; `None` if a reserved bit differs.
     ///
     /// ```
     /// use ldc161x::Config;
@@ -578,8 +577,7 @@ impl Config {
     }
 }
 
-/// MUX_CONFIG.DEGLITCH: bandwidth of the input filter, to be the lowest above the fastest
-/// sensor.
+/// MUX_CONFIG.DEGLITCH: bandwidth of the input filter. Choose the lowest above the fastest sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -590,8 +588,8 @@ pub enum Deglitch {
     Mhz3_3,
     /// 10 MHz, code 101.
     Mhz10,
-    /// 33 MHz, code 111. Table 45 of the datasheet prints 011; Table 28 and the reset value
-    /// say 111.
+    /// 33 MHz, code 111. Table 45 of the datasheet prints 011; Table 28 and the reset value say
+    /// 111.
     Mhz33,
 }
 
@@ -664,7 +662,7 @@ impl MuxConfig {
         deglitch: Deglitch::Mhz33,
     };
 
-    /// For an acquisition with the fastest sensor at `highest_sensor_hz`.
+    /// MUX_CONFIG for an acquisition with the fastest sensor at `highest_sensor_hz`.
     ///
     /// ```
     /// use ldc161x::{Acquisition, MuxConfig, Sequence};
@@ -696,7 +694,7 @@ impl MuxConfig {
         scan << 13 | 0b00_0100_0001 << 3 | self.deglitch.to_bits()
     }
 
-    /// From a register word; `None` where a reserved bit or code is met.
+    /// The settings of a register word; `None` for a reserved bit or code.
     ///
     /// ```
     /// use ldc161x::MuxConfig;
@@ -720,19 +718,19 @@ impl MuxConfig {
     }
 }
 
-/// DRIVE_CURRENTx as read: the programmed code, and the one that the chip found by itself.
+/// DRIVE_CURRENTx as read: the programmed code, and the code that the chip determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DriveCurrent {
     /// IDRIVEx: the current in use while `fixed_drive` is set in CONFIG.
     pub drive: DriveCode,
-    /// INIT_IDRIVEx: what amplitude calibration arrived at.
+    /// INIT_IDRIVEx: result of the amplitude calibration.
     pub calibrated: DriveCode,
 }
 
 impl DriveCurrent {
-    /// From the register word.
+    /// The drive currents of a register word.
     ///
     /// ```
     /// use ldc161x::{DriveCode, DriveCurrent};

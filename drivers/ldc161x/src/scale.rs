@@ -1,32 +1,31 @@
-//! From a code to a frequency with its uncertainty.
+//! Conversion of a code to a frequency with its uncertainty.
 
 use core::num::NonZeroU32;
 
 use crate::{ClockDividers, Code28, Rational, Rcount, rational::mean_reference_periods};
 
-/// What is known of the noise of a channel.
+/// Noise parameters of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Noise {
-    /// White noise of the sensor's frequency beside quantisation: relative standard deviation of
-    /// its mean over 1 ms. It falls with the square root of the conversion time. What users of
-    /// LDC1612 boards measure at 12 MHz and 250 samples/s is quantisation to within the scatter
-    /// of their figures, so that zero is right for short conversions; long ones need the board's
-    /// own figure.
+    /// White noise of the sensor's frequency: relative standard deviation of its mean over 1 ms. It
+    /// falls with the square root of the conversion time. The noise that users of LDC1612 boards
+    /// measure at 12 MHz and 250 samples/s is quantisation to within the scatter of their figures,
+    /// so zero is right for short conversions; long ones need the board's own figure.
     pub white_relative_in_1_ms: f32,
-    /// Where in the sensor's period the comparator's falling edge comes after the rising one,
-    /// 0 to 1, when known: then quantisation is stated for the phase at hand, otherwise its mean
-    /// over all phases. No source gives it; posted words fit 0.15 to 0.4 alike.
+    /// Delay of the comparator's falling edge after the rising one, as a share of the sensor's
+    /// period, 0 to 1. If known, quantisation is stated for the actual phase, otherwise its mean
+    /// over all phases. No source gives it; posted words fit 0.15 to 0.4 equally well.
     pub comparator_duty: Option<f32>,
 }
 
-/// Everything that turns the codes of one channel into frequencies.
+/// Parameters that convert the codes of one channel to frequencies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Scale {
-    /// The clock before its divider, CLKIN or the internal oscillator, in hertz.
+    /// Clock before its divider, CLKIN or the internal oscillator, in hertz.
     pub clock_hz: f64,
     /// Dividers of sensor and reference.
     pub dividers: ClockDividers,
@@ -34,12 +33,12 @@ pub struct Scale {
     pub offset: u16,
     /// RCOUNTx.
     pub rcount: Rcount,
-    /// Noise.
+    /// Noise parameters.
     pub noise: Noise,
 }
 
 impl Scale {
-    /// Both dividers 1, no offset, no noise beside quantisation.
+    /// A scale with both dividers 1, no offset, and no noise beyond quantisation.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -67,15 +66,16 @@ impl Scale {
     /// assert_eq!(Scale::undivided(40e6, Rcount::MIN).reference_hz(), 40e6);
     /// ```
     pub fn reference_hz(&self) -> f64 {
-        // The commonest divider needs no division, which takes a core without a divider microseconds.
+        // The commonest divider needs no division: a core without a hardware divider takes
+        // microseconds for it.
         match self.dividers.reference() {
             1 => self.clock_hz,
             divider => self.clock_hz / f64::from(divider),
         }
     }
 
-    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this
-    /// time before the conversion's end: its time stamp belongs half of it earlier.
+    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this time
+    /// before the conversion's end, so its time stamp lies half of it earlier.
     ///
     /// ```
     /// use ldc161x::{Rcount, Scale};
@@ -86,7 +86,8 @@ impl Scale {
         f64::from(self.rcount.reference_periods()) / self.reference_hz()
     }
 
-    /// f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet Equation 6.
+    /// Frequency in hertz: f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet
+    /// Equation 6.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -98,7 +99,7 @@ impl Scale {
         f64::from(self.whole(code)) * self.hz_per_lsb()
     }
 
-    /// The code as it would be without OFFSETx, which may be more than 28 bits hold.
+    /// The code with OFFSETx added back, which may exceed 28 bits.
     pub(crate) fn whole(&self, code: Code28) -> u32 {
         code.get() + (u32::from(self.offset) << 12)
     }
@@ -129,7 +130,7 @@ impl Scale {
         self.counted(code).get() >= 1 << 26
     }
 
-    /// The word as a ratio of counts, OFFSETx added back.
+    /// The word as a ratio of counts, with OFFSETx added back.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -141,7 +142,7 @@ impl Scale {
         Rational::decode(self.counted(code), self.rcount)
     }
 
-    /// The code before OFFSETx was taken off it, at most full scale.
+    /// The code before OFFSETx was subtracted, at most full scale.
     fn counted(&self, code: Code28) -> Code28 {
         Code28::new(self.whole(code)).unwrap_or(Code28::OVER_RANGE)
     }
@@ -149,33 +150,33 @@ impl Scale {
     /// Relative standard uncertainty of one conversion: quantisation, rounding of the word and white
     /// noise.
     ///
-    /// Quantisation: the counter times sensor periods between two edges, once from rising edges
-    /// and once from falling ones, each to a whole reference period, and adds the two counts.
-    /// Each of the four edges is late by a uniform part of a reference period. The first edges of
-    /// the two gates, and the last, are a fixed time apart, so that their errors are related: the
-    /// sum of two such errors at a distance of x reference periods has the variance
-    /// V(x) = 1/3 - h (1 - h), h the fraction of x. With p reference periods in a sensor period
-    /// and the falling edge at the share d of it, the distance is d p or (1 - d) p, whichever
-    /// edge comes first in the gate, and
+    /// Quantisation: the counter times sensor periods between two edges, once from rising edges and
+    /// once from falling ones, each to a whole reference period, and adds the two counts. Each of
+    /// the four edges is late by a uniform part of a reference period. The first edges of the two
+    /// gates are a fixed time apart, and so are the last, so their errors are correlated: the sum
+    /// of two such errors at a distance of x reference periods has the variance V(x) = 1/3 - h
+    /// (1 - h), h the fraction of x. With p reference periods in a sensor period and the falling
+    /// edge at the share d of it, the distance is d p or (1 - d) p, depending on which edge comes
+    /// first in the gate, and
     ///
     /// sigma_f / f = sqrt(2 ((1 - d) V(d p) + d V((1 - d) p))) / N,
     ///
-    /// with N on average 32 RCOUNT - 8 - 3 p: each gate waits for an edge and ends at one. The fewer
-    /// periods a conversion holds, the less of it is counted.
+    /// with N on average 32 RCOUNT - 8 - 3 p: each gate waits for an edge and ends at one. The
+    /// fewer periods a conversion contains, the smaller the share of it that is counted.
     ///
-    /// That lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases is
-    /// the (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2) of application note SNOA944, which is stated
-    /// where d is not known, and then wrong by up to a factor of 1.41 at any one frequency. A
-    /// counter of half periods in one gate would stay at 0.0128: then this is an upper bound.
-    /// It is the error against a frequency that is not known beforehand, or that moves by more
-    /// than 1 / (16 RCOUNT): a frequency that stands still can give the same count for ever.
+    /// This lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases is
+    /// the (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2) of application note SNOA944. That mean is
+    /// stated if d is not known, and is then wrong by up to a factor of 1.41 at any one frequency.
+    /// A counter of half periods in one gate would stay at 0.0128: then this is an upper bound. It
+    /// is the error for a frequency that is not known beforehand, or that moves by more than
+    /// 1 / (16 RCOUNT): a constant frequency can give the same count for ever.
     ///
-    /// Rounding: the word is a whole number, so that sigma_f / f = 1 / (sqrt(12) DATA), which
-    /// exceeds quantisation where p^2 is above 2^28 over the periods counted.
+    /// Rounding: the word is a whole number, so sigma_f / f = 1 / (sqrt(12) DATA), which exceeds
+    /// quantisation if p^2 is above 2^28 over the periods counted.
     ///
     /// The count is the mean frequency between its own first and last edge, which lie up to two
     /// periods within the conversion. A frequency that moves by the share r in a second is off by
-    /// about a third of r / f more; at 3 MHz that is nothing.
+    /// about a third of r / f more; at 3 MHz that is negligible.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};

@@ -1,5 +1,5 @@
-//! What the driver knows about the chip, apart from any bus: shared by the blocking and the
-//! asynchronous driver.
+//! The driver's knowledge of the chip, without a bus: shared by the blocking and the asynchronous
+//! driver.
 
 use heapless::Vec;
 
@@ -8,19 +8,21 @@ use crate::{
     Scale, Status, Word,
 };
 
-/// STATUS, and MSB and LSB of four channels, each read twice.
+/// Largest number of registers in a frame: STATUS, and MSB and LSB of four channels, each read
+/// twice.
 pub(crate) const FRAME_REGISTERS: usize = 1 + 2 * 2 * 4;
 
 /// The registers of a frame.
 pub(crate) type RegisterList = Vec<Register, FRAME_REGISTERS>;
 
-/// The registers of a frame, in the order in which they are read: STATUS where it is, then MSB and
-/// LSB of every active channel. For bus masters that read frames by themselves.
+/// The registers of a frame in the order of reading: STATUS if it is read, then MSB and LSB of
+/// every active channel. For bus masters that read frames by themselves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameRequest(RegisterList);
 
 impl FrameRequest {
-    /// What is written before each register's two bytes are read, behind the target's address.
+    /// The pointer bytes, one per register: each is written after the target's address, before the
+    /// register's two bytes are read.
     pub fn pointers(&self) -> impl Iterator<Item = u8> + '_ {
         self.0.iter().map(|register| register.address())
     }
@@ -31,51 +33,51 @@ impl FrameRequest {
     }
 }
 
-/// What releases INTB on the chip in hand. The datasheet says both (8.1.8), and so do those who
-/// measured: ask the chip with `probe_interrupt_release`.
+/// What releases INTB on the chip in use. The datasheet states both (8.1.8), and measurements found
+/// both: determine it with `probe_interrupt_release`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum InterruptRelease {
-    /// Reading the data does: STATUS is not read, 95 bit times a frame.
+    /// Reading the data releases INTB: STATUS is not read, 95 bit times a frame.
     ByData,
-    /// Only reading STATUS does: it is read first in each frame, 142 bit times. Assumed until
-    /// the chip was asked.
+    /// Only reading STATUS releases INTB: it is read first in each frame, 142 bit times. Assumed
+    /// until the chip has been probed.
     #[default]
     ByStatusOnly,
 }
 
-/// One register of the running chip compared with what it should hold.
+/// Comparison of one register of the running chip with its expected value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Canary {
-    /// The register that was compared, and agreed.
+    /// The register that was compared and agreed.
     pub register: Register,
-    /// When this comparison completed the round over all registers: the number of the last
-    /// frame before the round began. Frames up to it were converted with every register intact.
+    /// If this comparison completed the round over all registers: the number of the last frame
+    /// before the round started. Frames up to it were converted with every register intact.
     pub confirmed: Option<u32>,
 }
 
-/// What the driver remembers.
+/// State of the driver.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(crate) struct DriverState {
     pub(crate) access: BusAccess,
     pub(crate) release: InterruptRelease,
     pub(crate) read_twice: bool,
-    /// What the chip should be.
+    /// Configuration that the chip should have.
     pub(crate) requested: Option<Configuration>,
-    /// One unit of each channel's code in hertz, while it runs: computed once, and not with a
+    /// One unit of each channel's code in hertz while the chip runs: computed once, to avoid a
     /// division for every reading.
     units_hz: [f64; 4],
-    /// The chip converts as requested, as far as is known.
+    /// Whether the chip converts as requested, as far as known.
     pub(crate) running: bool,
-    /// A transfer failed: ask for the identity before the next frame is trusted.
+    /// A transfer failed: check the identity before trusting the next frame.
     pub(crate) suspect: bool,
     marks: Marks,
     frame_number: u32,
     canary_index: u8,
-    /// The last frame before the present round of canaries.
+    /// Number of the last frame before the current round of canaries.
     round_began_at: u32,
 }
 
@@ -99,8 +101,9 @@ impl DriverState {
         }
     }
 
-    /// Stops, to begin with this.
-    // Its references say that the two do not overlap, which the future that awaits does not know.
+    /// Stores the requested configuration, and marks the chip as stopped.
+    // Not inlined: the reference arguments say that the two do not overlap, which the compiler does
+    // not know inside the calling future.
     #[inline(never)]
     pub(crate) fn request(&mut self, configuration: &Configuration) {
         self.stopped();
@@ -128,7 +131,7 @@ impl DriverState {
         self.marks.gap = true;
     }
 
-    /// Frames were read and thrown away.
+    /// Marks a gap, after frames that were read and discarded.
     pub(crate) fn frames_discarded(&mut self) {
         self.marks.gap = true;
     }
@@ -137,10 +140,10 @@ impl DriverState {
         self.marks.drive_step = true;
     }
 
-    /// The registers of the next frame: STATUS first where it is read, then MSB before LSB.
+    /// The registers of the next frame: STATUS first if it is read, then MSB before LSB.
     pub(crate) fn frame_registers(&self, acquisition: Acquisition, status: bool) -> RegisterList {
         let mut list = RegisterList::new();
-        // The list holds the longest frame there is, so that no push can fail.
+        // The list is as long as the longest frame, so no push can fail.
         if status {
             let _ = list.push(Register::Status);
         }
@@ -153,13 +156,13 @@ impl DriverState {
         list
     }
 
-    /// What is read for a frame.
+    /// The registers to read for a frame.
     pub(crate) fn frame_request(&self, configuration: &Configuration) -> FrameRequest {
         let status = self.reads_status();
         FrameRequest(self.frame_registers(configuration.acquisition, status))
     }
 
-    /// Whether a frame begins with STATUS.
+    /// Whether a frame starts with STATUS.
     pub(crate) fn reads_status(&self) -> bool {
         self.release == InterruptRelease::ByStatusOnly
     }
@@ -168,8 +171,9 @@ impl DriverState {
         if self.read_twice { 2 } else { 1 }
     }
 
-    /// Makes a frame of register words in the order of [`frame_registers`](Self::frame_registers).
-    /// `asked` is a STATUS that was read before, in a transfer of its own.
+    /// Assembles a frame from register words in the order of
+    /// [`frame_registers`](Self::frame_registers). `asked` is a STATUS that was read earlier in a
+    /// separate transfer.
     pub(crate) fn assemble(
         &mut self,
         configuration: &Configuration,
@@ -201,14 +205,14 @@ impl DriverState {
         frame
     }
 
-    /// The register that the next canary compares, and its value.
+    /// The register that the next canary compares, and its expected value.
     pub(crate) fn canary(&self, configuration: &Configuration) -> (Register, u16) {
         configuration
             .register(self.canary_index)
             .unwrap_or((Register::Config, configuration.config(false).to_bits()))
     }
 
-    /// The canary's register agreed.
+    /// Records that the canary's register agreed.
     pub(crate) fn canary_lives(
         &mut self,
         configuration: &Configuration,
@@ -229,14 +233,14 @@ impl DriverState {
         }
     }
 
-    /// The next canary is the first of a new round.
+    /// Makes the next canary the first of a new round.
     pub(crate) fn begin_round(&mut self) {
         self.canary_index = 0;
         self.round_began_at = self.frame_number;
     }
 }
 
-/// One reading from the words of its channel: MSB, LSB and, read twice, MSB and LSB again.
+/// Makes one reading from the words of its channel: MSB, LSB and, if read twice, MSB and LSB again.
 fn reading(
     (scale, unit_hz): (Scale, f64),
     channel: Channel,
@@ -248,7 +252,7 @@ fn reading(
         [msb, lsb, ..] => Word::from_registers(*msb, *lsb),
         _ => Word::default(),
     };
-    // The first read cleared the flags: only the codes can be compared.
+    // The first read cleared the flags, so only the codes can be compared.
     let agrees = match words {
         [_, _, msb, lsb] => Some(Word::from_registers(*msb, *lsb).code() == word.code()),
         _ => None,
@@ -258,13 +262,13 @@ fn reading(
         Some(status) if status.unread(channel) => Freshness::New,
         Some(_) => Freshness::Repeated,
     };
-    // as Scale::frequency_hz has it
+    // Same formula as `Scale::frequency_hz`.
     let frequency_hz = f64::from(scale.whole(word.code())) * unit_hz;
     Reading {
         channel,
         word,
         frequency_hz,
-        // as Scale::sigma_hz has it, without the frequency a second time
+        // Same formula as `Scale::sigma_hz`, with the frequency already computed.
         sigma_hz: scale.relative_sigma(word.code()) * frequency_hz as f32,
         above_quarter_reference: scale.above_quarter_reference(word.code()),
         freshness,

@@ -1,4 +1,4 @@
-//! Frames, and the interrupt that announces them.
+//! Reading frames, and waiting for the interrupt that announces them.
 
 use embedded_hal::{delay::DelayNs, digital::InputPin, i2c::I2c};
 #[cfg(feature = "async")]
@@ -12,10 +12,10 @@ use crate::{
     state::FRAME_REGISTERS,
 };
 
-/// INTB is looked at this often while waiting for it.
+/// Interval at which INTB is polled, in microseconds.
 const INTERRUPT_POLL_US: u32 = 5;
-/// How often a release of INTB is tried: a conversion that ends during the read of STATUS pulls it
-/// down again, seldom three times in a row.
+/// Attempts to release INTB: a conversion that ends during the read of STATUS pulls it low again,
+/// seldom three times in a row.
 const RELEASE_TRIES: u8 = 3;
 
 #[maybe_async_cfg::maybe(
@@ -27,14 +27,14 @@ const RELEASE_TRIES: u8 = 3;
     )
 )]
 impl<I2C: I2c> Ldc161x<I2C> {
-    /// Finds out whether reading data releases INTB on this chip, and remembers it.
+    /// Determines whether reading data releases INTB on this chip, and stores the result.
     ///
     /// Discards the frames that it reads. Takes up to two frame times and a few frames.
     ///
     /// # Errors
     ///
-    /// [`Error::NoInterrupt`] when INTB does not fall, [`Error::InterruptStuck`] when nothing
-    /// releases it, [`Error::NotRunning`], or a bus error.
+    /// [`Error::NoInterrupt`] if INTB does not fall, [`Error::InterruptStuck`] if neither data nor
+    /// STATUS releases it, [`Error::NotRunning`], or a bus error.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -52,13 +52,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
         let release = self.find_interrupt_release(interrupt, delay).await?;
         self.state.release = release;
         self.state.frames_discarded();
-        // The last try may leave INTB low: the next frame would be read amid the one after it.
+        // The last try may leave INTB low: the next frame would then be read during the one after
+        // it.
         self.release_interrupt().await?;
         Ok(release)
     }
 
-    /// Each try begins with INTB released by STATUS and waits for it to fall: the read that
-    /// follows is then over before the next conversion is.
+    /// Each try starts with INTB released by STATUS and waits for it to fall: the read that follows
+    /// then ends before the next conversion ends.
     async fn find_interrupt_release(
         &mut self,
         interrupt: &mut impl InputPin,
@@ -85,8 +86,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Waits until INTB is low, looking every few microseconds, and no longer than two frames
-    /// after leaving sleep take. For programs without interrupts of their own.
+    /// Waits until INTB is low, polling every few microseconds, for at most the time of two frames
+    /// after leaving sleep. For programs without interrupts of their own.
     ///
     /// # Errors
     ///
@@ -115,19 +116,19 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(())
     }
 
-    /// Reads the latest result of every active channel. Call it when INTB has fallen: without
-    /// that, and without STATUS, the driver cannot distinguish a result that was read before
-    /// from a new one, and its flags are gone; [`read_frame_if_ready`](Self::read_frame_if_ready) is
-    /// for boards without INTB.
+    /// Reads the latest result of every active channel. Call it when INTB has fallen: without that,
+    /// and without STATUS, the driver cannot distinguish a new result from one that was read
+    /// before, whose flags are gone. Boards without INTB use
+    /// [`read_frame_if_ready`](Self::read_frame_if_ready).
     ///
-    /// STATUS is read in the same transaction unless the chip is known to release INTB by
-    /// itself. After a failed transfer the identity and CONFIG are read before the next frame,
-    /// which is then marked as following a gap.
+    /// STATUS is read in the same transaction unless reading data is known to release INTB. After a
+    /// failed transfer the driver reads identity and CONFIG before the next frame, and marks that
+    /// frame as following a gap.
     ///
     /// # Errors
     ///
-    /// [`Error::NotStarted`], [`Error::NotRunning`], a bus error, or what is found after one:
-    /// [`Error::WrongIdentity`], [`Error::RegistersLost`].
+    /// [`Error::NotStarted`], [`Error::NotRunning`], a bus error, or the result of the check after
+    /// one: [`Error::WrongIdentity`], [`Error::RegistersLost`].
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -141,7 +142,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.read_data(None, self.state.reads_status()).await
     }
 
-    /// Reads STATUS and, when it says that a frame has ended, the frame; `None` otherwise.
+    /// Reads STATUS and, if it reports a finished frame, the frame; `None` otherwise.
     ///
     /// # Errors
     ///
@@ -164,10 +165,10 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.read_data(Some(status), false).await.map(Some)
     }
 
-    /// What to send for a frame, for a bus master that reads frames by itself: on each edge of INTB,
-    /// ahead of the program. Its bytes go to [`decode_frame`](Self::decode_frame). The request stays
-    /// the same until the driver starts another configuration or
-    /// [`set_interrupt_release`](Self::set_interrupt_release) changes it.
+    /// Returns the register pointers of a frame, for a bus master that reads frames by itself on
+    /// each edge of INTB, before the program runs. Pass the bytes to
+    /// [`decode_frame`](Self::decode_frame). The request stays the same until the driver starts
+    /// another configuration or [`set_interrupt_release`](Self::set_interrupt_release) changes it.
     ///
     /// # Errors
     ///
@@ -194,13 +195,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(self.state.frame_request(&configuration))
     }
 
-    /// Makes a frame of bytes that were read as [`frame_request`](Self::frame_request) says: two a
-    /// register, the high one first. Nothing is sent.
+    /// Decodes a frame from bytes that were read in the order of
+    /// [`frame_request`](Self::frame_request): two per register, the high byte first. Sends
+    /// nothing.
     ///
     /// # Errors
     ///
-    /// [`Error::NotStarted`], [`Error::NotRunning`], or [`Error::FrameLength`] for bytes that are not
-    /// those of the request.
+    /// [`Error::NotStarted`], [`Error::NotRunning`], or [`Error::FrameLength`] if the number of
+    /// bytes does not match the request.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -232,8 +234,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(frame)
     }
 
-    /// A frame that the bus master read by itself was lost, or its transfer failed: the next frame
-    /// follows a gap, and [`read_frame`](Self::read_frame) asks the chip for its identity first.
+    /// Reports that a frame read by the bus master was lost or that its transfer failed: the next
+    /// frame is marked as following a gap, and [`read_frame`](Self::read_frame) checks the chip's
+    /// identity first.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -267,8 +270,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .assemble(&configuration, asked, words, with_status))
     }
 
-    /// After a failed transfer: is it still the chip, and still awake? A transfer that was cut
-    /// short may spoil the following one (datasheet 7.5.2), which here is not a frame.
+    /// Checks, after a failed transfer, that the chip answers with its identity and is awake. A
+    /// transfer that was cut short may corrupt the following one (datasheet 7.5.2); here the
+    /// following transfer is this check and no frame.
     async fn resynchronise(
         &mut self,
         configuration: &Configuration,

@@ -11,11 +11,11 @@ use crate::{
     Channel, Configuration, DEVICE_ID, DriveCode, Error, MANUFACTURER_ID, Register, register::RESET,
 };
 
-/// From the release of SD to the first transfer: 2 ms at most (datasheet 6.5). A reset by
-/// register is given the same time, for which no source states another.
+/// Time from the release of SD to the first transfer: 2 ms at most (datasheet 6.5). A reset by
+/// register gets the same time, since no source states another.
 const RESET_US: u32 = 2_000;
-/// SD is held high for this long; no source gives a least time. One millisecond is a thousand
-/// times what a digital input needs.
+/// Time for which SD is held high; no source gives a minimum. One millisecond is a thousand times
+/// what a digital input needs.
 const SHUTDOWN_US: u32 = 1_000;
 
 #[maybe_async_cfg::maybe(
@@ -27,11 +27,11 @@ const SHUTDOWN_US: u32 = 1_000;
     )
 )]
 impl<I2C: I2c> Ldc161x<I2C> {
-    /// Asks the chip who it is.
+    /// Reads and checks the chip's identity.
     ///
     /// # Errors
     ///
-    /// [`Error::WrongIdentity`] with a plain-words cause, or a bus error.
+    /// [`Error::WrongIdentity`], whose advice names the likely cause, or a bus error.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -52,15 +52,15 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Sleep, identity, every register written and read back, CONFIG last; then every register
-    /// once more, since chips were seen to lose them on leaving sleep. INTB is released then, so
-    /// that its next fall is the end of a whole frame. The first frame comes marked as following a
-    /// gap.
+    /// Configures the chip and starts conversions: sleep, identity, every register written and read
+    /// back, CONFIG last; then reads every register again, since chips have been seen to lose them
+    /// on leaving sleep. Releases INTB, so that its next fall is the end of a whole frame. The
+    /// first frame is marked as following a gap.
     ///
     /// # Errors
     ///
     /// [`Error::NoSuchChannel`] before anything is sent; [`Error::WrongIdentity`],
-    /// [`Error::ReadBack`], [`Error::RegistersLost`] or a bus error, after any of which the chip
+    /// [`Error::ReadBack`], [`Error::RegistersLost`] or a bus error. After any of these the chip
     /// counts as not running.
     ///
     /// ```
@@ -84,7 +84,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.release_interrupt().await
     }
 
-    /// Stops converting. The chip keeps its registers and forgets its results.
+    /// Stops converting. The chip keeps its registers and loses its results.
     ///
     /// # Errors
     ///
@@ -104,7 +104,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .await
     }
 
-    /// Converts again after [`sleep`](Self::sleep), all registers compared first.
+    /// Restarts conversions after [`sleep`](Self::sleep), after comparing all registers.
     ///
     /// # Errors
     ///
@@ -130,8 +130,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
 
     /// Resets the chip by its register and starts the requested configuration again.
     ///
-    /// Where the bus itself is stuck, clear it first (nine clocks, then a stop), which is the
-    /// business of the bus's owner. Call again, within a deadline of your own, where it fails.
+    /// If the bus itself is stuck, the bus's owner clears it first (nine clocks, then a stop). On
+    /// failure call again, within a deadline of your own.
     ///
     /// # Errors
     ///
@@ -152,8 +152,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.start(&configuration).await
     }
 
-    /// Resets the chip by its SD pin, which also ends a transfer that it hangs in, and starts
-    /// the requested configuration again.
+    /// Resets the chip by its SD pin, which also ends a transfer that the chip is stuck in, and
+    /// starts the requested configuration again.
     ///
     /// # Errors
     ///
@@ -180,9 +180,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.start(&configuration).await
     }
 
-    /// Lets the chip seek the drive current of every active channel, and goes on with what it
-    /// found (datasheet 8.1.5.2). Keep the sensor at the largest distance it will meet. The
-    /// next frame is marked as following a gap and a step of the drive.
+    /// Lets the chip find the drive current of every active channel, and continues with these
+    /// currents (datasheet 8.1.5.2). Keep the sensor at the largest distance it will meet. The next
+    /// frame is marked as following a gap and a step of the drive.
     ///
     /// # Errors
     ///
@@ -227,7 +227,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Changes the drive current of one channel; the chip sleeps meanwhile. The next frame is
-    /// marked as following a gap and a step of the drive, with which the code steps too.
+    /// marked as following a gap and a step of the drive, since the code steps with the drive.
     ///
     /// # Errors
     ///
@@ -252,8 +252,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(())
     }
 
-    /// Since its last edge the chip has converted, and pulled INTB low. Released, it falls again at
-    /// the end of a frame, which then can be read before it is overwritten.
+    /// Releases INTB. Since its last edge the chip has converted and pulled INTB low; once
+    /// released, INTB falls again at the end of a frame, and that frame can be read before it is
+    /// overwritten.
     pub(super) async fn release_interrupt(&mut self) -> Result<(), Error<I2C::Error>> {
         self.read_status().await.map(drop)
     }

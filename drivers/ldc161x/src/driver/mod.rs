@@ -37,7 +37,7 @@ pub struct Ldc161x<I2C> {
     )
 )]
 impl<I2C: I2c> Ldc161x<I2C> {
-    /// Takes the bus; nothing is sent yet.
+    /// Creates the driver on a bus; sends nothing.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -54,7 +54,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Gives the bus back. The chip goes on as it is.
+    /// Returns the bus. The chip keeps its state.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -66,7 +66,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.i2c
     }
 
-    /// Sets how registers are fetched; see [`BusAccess`].
+    /// Sets how registers are read; see [`BusAccess`].
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -79,8 +79,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.access = access;
     }
 
-    /// Reads every word twice and compares the two, since the bus carries no checksum. Costs
-    /// twice the bus time.
+    /// Sets whether every word is read twice and compared, since the bus carries no checksum. This
+    /// takes twice the bus time.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -94,7 +94,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.read_twice = twice;
     }
 
-    /// States what releases INTB, as an earlier probe found.
+    /// Sets what releases INTB, as determined by an earlier probe.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -107,7 +107,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.release = release;
     }
 
-    /// The configuration last started.
+    /// The configuration started last.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]

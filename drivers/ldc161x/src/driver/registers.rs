@@ -1,4 +1,4 @@
-//! Registers one by one, and the comparison of what they hold with what they should.
+//! Reading single registers, and comparing them with their expected values.
 
 use embedded_hal::i2c::{I2c, Operation};
 #[cfg(feature = "async")]
@@ -22,14 +22,14 @@ use crate::{
     )
 )]
 impl<I2C: I2c> Ldc161x<I2C> {
-    /// Compares one register with what it should hold, the next one at each call, CONFIG last.
-    /// Call it between frames; each costs 48 bit times. A chip that lost its registers goes on
-    /// answering, with wrong frequencies: only this finds it.
+    /// Compares one register with its expected value; each call takes the next register, CONFIG
+    /// last. Call it between frames; each call takes 48 bit times. A chip that lost its registers
+    /// still answers, with wrong frequencies: only this comparison detects it.
     ///
     /// # Errors
     ///
     /// [`Error::RegistersLost`]: the chip counts as not running, and every frame since the last
-    /// confirmed one is in doubt. Otherwise as [`read_frame`](Self::read_frame).
+    /// confirmed one is in doubt. Otherwise as for [`read_frame`](Self::read_frame).
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -47,11 +47,11 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(self.state.canary_lives(&configuration, register))
     }
 
-    /// A whole round of canaries at once: confirms every frame read so far.
+    /// Runs a whole round of canaries at once, which confirms every frame read so far.
     ///
     /// # Errors
     ///
-    /// As [`check_canary`](Self::check_canary).
+    /// As for [`check_canary`](Self::check_canary).
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -89,7 +89,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .map(Status::from_bits)
     }
 
-    /// Reads the drive current of one channel, and what calibration found for it.
+    /// Reads the drive current of one channel, and the current that calibration found.
     ///
     /// # Errors
     ///
@@ -111,7 +111,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .map(DriveCurrent::from_bits)
     }
 
-    /// Reads any register, for diagnosis. Mind that reading DATAx_MSB and STATUS clears flags.
+    /// Reads any register, for diagnosis. Note that reading DATAx_MSB or STATUS clears flags.
     ///
     /// # Errors
     ///
@@ -140,7 +140,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Fetches `registers` in order, as `BusAccess` says.
+    /// Reads `registers` in order, by the selected `BusAccess`.
     pub(super) async fn read_registers(
         &mut self,
         registers: &[Register],
@@ -162,7 +162,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     ) -> Result<(), Error<I2C::Error>> {
         let mut pointers: Vec<[u8; 1], FRAME_REGISTERS> = Vec::new();
         for register in registers {
-            // A frame has no more registers than there is room for.
+            // The list is as long as the longest frame, so no push can fail.
             let _ = pointers.push([register.address()]);
         }
         let mut data = [[0; 2]; FRAME_REGISTERS];
@@ -226,7 +226,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Compares a register of the running chip; where it differs the chip counts as stopped.
+    /// Compares a register of the running chip; on a difference the chip counts as stopped.
     pub(super) async fn compare(
         &mut self,
         register: Register,

@@ -1,4 +1,4 @@
-//! Tests of `ldc161x` from outside: one program, whose modules are its parts.
+//! Integration tests of `ldc161x`: one program, one module per subject.
 
 mod asynchronous;
 mod common;

@@ -1,4 +1,4 @@
-//! Plans against the datasheet's limits, computed a second time in floating point.
+//! Plans against the datasheet's limits, computed independently in floating point.
 
 use std::cell::Cell;
 
@@ -8,7 +8,7 @@ use ldc161x::{
 };
 use proptest::{prelude::*, test_runner::TestRunner};
 
-/// A fixed plan is worked out by the compiler.
+/// A fixed plan, computed at compile time.
 const AUTOSCAN: Plan = match Request::new(
     Model::Ldc1614,
     ReferenceClock::External { hz: 40_000_000 },
@@ -78,7 +78,7 @@ fn fast_sensors_are_divided() {
     );
 }
 
-/// One request for each limit, and what names it.
+/// One request for each limit, with the text that names it.
 #[test]
 fn each_limit_is_refused_by_name() {
     let good = single(30_000_000);
@@ -252,12 +252,12 @@ fn every_plan_keeps_every_limit() {
             Err(_) => Ok(()),
         })
         .unwrap();
-    // The properties are not empty: a fair share of random requests can be planned.
+    // The properties are not vacuous: a fair share of random requests can be planned.
     assert!(planned.get() > 2_000, "{}", planned.get());
     assert!(too_fast.get() > 1_000, "{}", too_fast.get());
 }
 
-/// What a refusal calls possible is, and one frame a second more is not.
+/// Checks that the rate which a refusal calls possible is, and one frame a second more is not.
 fn check_most(request: &Request, most_per_second: u32) -> Result<(), TestCaseError> {
     let at = |rate| request.rate(Rate::PerSecond(rate)).plan();
     if most_per_second > 0 {
@@ -267,7 +267,7 @@ fn check_most(request: &Request, most_per_second: u32) -> Result<(), TestCaseErr
     Ok(())
 }
 
-/// The limits of the datasheet, written down again.
+/// Checks the limits of the datasheet, written down a second time.
 fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
     let (slowest, nominal, fastest) = match request.reference {
         ReferenceClock::External { hz } => (f64::from(hz), f64::from(hz), f64::from(hz)),
@@ -336,7 +336,7 @@ fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
     prop_assert!(frame_s[1] >= read_s - 2e-9, "{} {}", frame_s[1], read_s);
     prop_assert!((plan.frame_period_ns as f64 - frame_s[0] * 1e9).abs() < 10.0);
     if let Rate::PerSecond(rate) = request.rate {
-        // The nominal clock is not slower than the slowest, for which the rate is promised.
+        // The nominal clock is not slower than the slowest clock, for which the rate is guaranteed.
         prop_assert!(frame_s[0] <= 1.0 / f64::from(rate) + 2e-9);
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Words as ratios of counts, against words of real boards and a search by brute force.
+//! Words as ratios of counts, against words of real boards and a brute-force search.
 
 use ldc161x::{
     Code28, Hypothesis, PlausibilityCount, RatioOfSums, Rational, Rcount, Scale, Window,
@@ -22,7 +22,7 @@ fn posted() -> Vec<(f64, u16, u32)> {
     ]
 }
 
-/// Every candidate tried in floating point, the way the hypothesis is stated.
+/// Tries every candidate in floating point, by the definition of the hypothesis.
 fn brute_force(word: u32, rcount: u16, window: Window) -> (u32, u32, f64) {
     let full = 268_435_456.0;
     (window.lowest..=window.highest)
@@ -48,7 +48,7 @@ fn every_posted_word_is_a_ratio_within_the_published_window() {
     }
 }
 
-/// Counts read by hand from the published table of posted words.
+/// The counts were read by hand from the published table of posted words.
 #[test]
 fn posted_words_have_the_published_counts() {
     for (rcount, word, m, n) in [
@@ -93,8 +93,8 @@ fn of_random_words_three_to_seven_in_a_thousand_fit() {
             "seed {seed}: {count:?}"
         );
         assert_eq!(count.hypothesis(), Hypothesis::Fails);
-        // The stated rate of false acceptance is the observed one, within five standard
-        // deviations of a count.
+        // The stated false-accept rate is the observed one, within five standard deviations of a
+        // count.
         let difference = count.plausible as f32 - count.expected_by_chance;
         assert!(
             difference.abs() < 5.0 * count.expected_by_chance.sqrt(),
@@ -108,7 +108,7 @@ fn the_hypothesis_is_undecided_where_chance_would_do_as_well() {
     let mut count = PlausibilityCount::default();
     let mut random = Lcg(7);
     for _ in 0..100 {
-        // At the longest conversion a third and more of all random words fit.
+        // At the longest conversion more than a third of all random words fit.
         count.add(&Rational {
             false_accept: 0.6,
             plausible: Some(random.word() % 10 < 9),
@@ -122,7 +122,7 @@ fn exact() -> Rational {
     Rational::decode(Code28::new(0x440_9E8B).unwrap(), Rcount::new(1512).unwrap())
 }
 
-/// Of words that are ratios, the sum of M over the sum of N is their exact mean.
+/// For words that are ratios, the sum of M over the sum of N is their exact mean.
 #[test]
 fn the_ratio_of_sums_is_exact() {
     let mut sums = RatioOfSums::default();
@@ -143,7 +143,7 @@ fn the_ratio_of_sums_is_exact() {
 fn the_stated_sigma_averages_to_the_published_one() {
     let scale = Scale::undivided(40e6, Rcount::new(2500).unwrap());
     let steps = 10_000;
-    // From 4 to 5 reference periods in half a sensor period: every phase once.
+    // From 4 to 5 reference periods in half a sensor period: covers every phase once.
     let mean_square: f64 = (0..steps)
         .map(|step| {
             let half_period = 4.0 + f64::from(step) / f64::from(steps);
@@ -170,7 +170,7 @@ proptest! {
         let full = 268_435_456.0;
         let residual = f64::from(word) - full * f64::from(ratio.m) / f64::from(ratio.n);
         prop_assert!((f64::from(ratio.residual_lsb) - residual).abs() < 1e-4 * residual.abs() + 1e-5);
-        // Equally near candidates may be chosen either way.
+        // If two candidates are equally near, either may be chosen.
         prop_assert!((residual.abs() - best.abs()).abs() < 0.01 * best.abs() + 1e-3);
     }
 
@@ -190,8 +190,8 @@ proptest! {
     }
 }
 
-/// From 1/37 of the reference downwards N may lie outside the window that is searched: the words of
-/// such a sensor are not called corrupt, and do not count.
+/// Below 1/37 of the reference N may lie outside the window that is searched: the words of such a
+/// sensor are not called corrupt, and do not count.
 #[test]
 fn words_of_slow_sensors_are_not_judged() {
     let rcount = Rcount::new(2500).unwrap();

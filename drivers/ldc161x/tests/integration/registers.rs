@@ -1,4 +1,4 @@
-//! What goes over the wire, in every mode, against a map typed independently.
+//! Traffic on the wire in every mode, against a map typed independently.
 
 use crate::common::*;
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
@@ -13,7 +13,7 @@ use ldc161x::{
     Rcount, ReferenceClock, Register, Sequence, SettleCount,
 };
 
-/// Settings that differ from channel to channel and from every reset value.
+/// Settings that differ between channels and from every reset value.
 fn configuration(acquisition: Acquisition) -> Configuration {
     let channel = |number: u16| ChannelSettings {
         rcount: Rcount::new(0x0500 + number).unwrap(),
@@ -33,7 +33,7 @@ fn configuration(acquisition: Acquisition) -> Configuration {
     }
 }
 
-/// The same, as hexadecimal numbers worked out by hand from the datasheet's bit tables.
+/// The same settings as hexadecimal numbers, worked out by hand from the datasheet's bit tables.
 fn channel_words(channel: u8) -> Vec<(u8, u16)> {
     let dividers = [0x1003, 0x2005, 0x3007, 0x4009];
     let drives = [0x8800, 0x9000, 0x9800, 0xA000];
@@ -328,7 +328,7 @@ fn registers_lost_on_waking_are_found_before_the_first_frame() {
     let (_, asleep, awake, channels, mux) = MODES[0];
     let healthy = start(asleep, awake, &settings(channels, mux));
     let words = settings(channels, mux);
-    // The last comparison follows it: of as many registers, CONFIG, and STATUS.
+    // The last comparison comes after this: all registers, CONFIG, and STATUS.
     let at = healthy.len() - words.len() - 2;
     let mut expected = healthy[..at].to_vec();
     expected.push(read(RCOUNT, 0x0080));
@@ -447,7 +447,7 @@ fn canaries_go_round_all_registers_and_confirm_the_frames_before() {
     chip.set_interrupt_release(InterruptRelease::ByData);
     chip.start(&configuration(acquisition)).unwrap();
     let number = chip.read_frame().unwrap().number;
-    // The round under way began before the frame: it confirms nothing about it.
+    // The current round started before the frame: it confirms nothing about it.
     for _ in &words {
         assert_eq!(chip.check_canary().unwrap().confirmed, None);
     }
@@ -467,7 +467,7 @@ fn after_a_failed_transfer_the_identity_is_asked_before_the_next_frame() {
     let mut expected = start(asleep, awake, &settings(channels, mux));
     let error = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
     expected.extend([read(0, 0x0140), read(1, 0)]);
-    // The flags of this word are gone with the answer that did not arrive.
+    // The flags of this word were lost with the answer that did not arrive.
     expected.extend([read(0, 0x0140), read(1, 0).with_error(error)]);
     expected.extend(identity());
     expected.push(read(CONFIG, awake));

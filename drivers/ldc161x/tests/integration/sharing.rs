@@ -1,4 +1,4 @@
-//! Two chips on one bus, shared through embedded-hal-bus; and the bus handed back.
+//! Two chips on one bus, shared through embedded-hal-bus; and the bus returned by `release`.
 
 use std::cell::RefCell;
 

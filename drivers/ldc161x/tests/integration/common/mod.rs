@@ -1,5 +1,5 @@
-//! The register map typed a second time, from the datasheet's register list, as plain numbers.
-//! Nothing here names the driver's own constants: one slip of the pen cannot cancel another.
+//! The register map typed a second time from the datasheet's register list, as plain numbers. It
+//! uses none of the driver's constants, so that one slip of the pen cannot cancel another.
 #![allow(dead_code, unreachable_pub)]
 
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
@@ -14,7 +14,7 @@ pub const RESET_DEV: u8 = 0x1C;
 pub const MANUFACTURER: u8 = 0x7E;
 pub const DEVICE: u8 = 0x7F;
 
-/// First register of a channel's block of the same name; the channel's number is added.
+/// First register of a channel's block of the same name; add the channel's number.
 pub const RCOUNT: u8 = 0x08;
 pub const OFFSET: u8 = 0x0C;
 pub const SETTLECOUNT: u8 = 0x10;
@@ -45,8 +45,8 @@ pub fn frame(registers: &[(u8, u16)]) -> Vec<Transaction> {
     list
 }
 
-/// What a start sends for these settings: identity, sleep, settings, read-back, wake, every register
-/// once more, and STATUS, which releases INTB.
+/// Transactions of a start with these settings: identity, sleep, settings, read-back, wake, every
+/// register again, and STATUS, which releases INTB.
 pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction> {
     let mut list = identity();
     list.extend([write(CONFIG, asleep), read(CONFIG, asleep)]);
@@ -70,7 +70,7 @@ pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction
     list
 }
 
-/// A mock that expects `transactions`, and a handle to check that all of them came.
+/// A mock that expects `transactions`, and a handle to check that all of them occurred.
 pub fn bus(transactions: &[Transaction]) -> (Mock, Mock) {
     let mock = Mock::new(transactions);
     (mock.clone(), mock)
