@@ -1,4 +1,4 @@
-//! How many conversions and frames the model runs in a second.
+//! Measures how many conversions and frames the model runs per second.
 #![allow(missing_docs, reason = "divan's macro makes public items")]
 
 use core::cell::RefCell;

@@ -1,4 +1,4 @@
-//! What reads and writes of registers do.
+//! Effects of register reads and writes.
 
 use crate::chip::Chip;
 use crate::faults::ChipFault;
@@ -6,14 +6,14 @@ use crate::registers::{Config, Register, address, describe};
 use crate::sensor::Sensors;
 use crate::switches::{ActiveWrite, ConfigReadback};
 
-/// Bits 5:0 of CONFIG, to be written 00 0001.
+/// Bits 5:0 of CONFIG, which must be written 00 0001.
 const CONFIG_RESERVED: u16 = 0x003F;
-/// RESET_DEV in the register of that name.
+/// Reset bit of RESET_DEV.
 const RESET: u16 = 0x8000;
 
 impl<S: Sensors> Chip<S> {
-    /// The value that a register would be read as, without the effects of reading it, for
-    /// tests. Where there is no register it is zero (guess).
+    /// Value that a read of the register would return, without the effects of a read, for tests.
+    /// Zero if there is no register at the address (guess).
     #[must_use]
     pub fn register(&self, register: u8) -> u16 {
         match register {
@@ -53,7 +53,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// A read over the bus, with its effects.
+    /// Reads a register over the bus, with all effects of the read.
     pub(crate) fn read_register(&mut self, register: u8) -> u16 {
         let value = self.register(register);
         match register {
@@ -73,7 +73,7 @@ impl<S: Sensors> Chip<S> {
         self.faults.log.forged_identities += u64::from(forged);
     }
 
-    /// A write over the bus, with its effects.
+    /// Writes a register over the bus, with all effects of the write.
     pub(crate) fn write_register(&mut self, register: u8, value: u16) {
         let Some(register) = describe(register) else {
             self.misuse.unknown_registers += 1;
@@ -102,7 +102,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Stores what may only be written in sleep.
+    /// Stores a value in a register that may be written in sleep only.
     fn store(&mut self, register: &Register, value: u16) {
         if self.registers.config().sleeps() {
             self.registers.write(register, value);

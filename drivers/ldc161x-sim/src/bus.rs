@@ -1,4 +1,4 @@
-//! The chip behind `embedded-hal`: a bus, a delay and two pins that share it through a `RefCell`.
+//! The chip behind `embedded-hal`: a bus, a delay and two pins share it through a `RefCell`.
 
 use core::cell::{RefCell, RefMut};
 use core::convert::Infallible;
@@ -13,7 +13,7 @@ use crate::i2c::Ack;
 use crate::sensor::Sensors;
 use crate::time::Time;
 
-/// What a transfer can fail of.
+/// Reason why a transfer failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum I2cError {
     /// The address, or a byte after it, was not acknowledged.
@@ -56,8 +56,8 @@ impl core::error::Error for I2cError {}
 /// An I2C master with one chip, or more, on its bus.
 ///
 /// Every transfer takes the exact time of its bits: 1 for START, repeated START and STOP, 9 for a
-/// byte. Read the cost back from [`Chip::traffic`]. A line that gets stuck acts from the next byte
-/// on; driving the chip by [`Chip::start`] and its fellows leaves that to the caller.
+/// byte. Read the cost from [`Chip::traffic`]. A line that gets stuck acts from the next byte on; a
+/// caller of [`Chip::start`] and the other byte-level methods decides this itself.
 ///
 /// ```
 /// use core::cell::RefCell;
@@ -81,14 +81,14 @@ pub struct Bus<'a, S> {
 }
 
 impl<'a, S: Sensors> Bus<'a, S> {
-    /// A bus with one chip and a clock of `scl_hz`, limited to the 10 kHz to 400 kHz of the datasheet
-    /// (6.6).
+    /// Creates a bus with one chip and a clock of `scl_hz`, limited to 10 kHz to 400 kHz (datasheet
+    /// 6.6).
     #[must_use]
     pub fn new(chip: &'a RefCell<Chip<S>>, scl_hz: u32) -> Self {
         Self::shared(core::slice::from_ref(chip), scl_hz)
     }
 
-    /// A bus with several chips, of different addresses.
+    /// Creates a bus with several chips of different addresses.
     #[must_use]
     pub fn shared(chips: &'a [RefCell<Chip<S>>], scl_hz: u32) -> Self {
         let scl_hz = u64::from(scl_hz.clamp(10_000, 400_000));
@@ -100,20 +100,20 @@ impl<'a, S: Sensors> Bus<'a, S> {
         }
     }
 
-    /// The same bus with a master that needs a pause after each transaction, as real ones do (1 µs
-    /// to 43 µs have been seen).
+    /// Sets a pause that the master needs after each transaction; 1 µs to 43 µs have been seen on
+    /// real masters.
     #[must_use]
     pub fn with_gap(self, gap: Time) -> Self {
         Self { gap, ..self }
     }
 
-    /// The same bus with a master that gives up on a line held low after this time; 10 ms otherwise.
+    /// Sets the time after which the master gives up on a line held low; 10 ms by default.
     #[must_use]
     pub fn with_deadline(self, deadline: Time) -> Self {
         Self { deadline, ..self }
     }
 
-    /// Sends pulses of SCL, as a master does to free SDA before it gives up.
+    /// Sends SCL pulses, as a master does to free SDA before it gives up.
     ///
     /// # Errors
     /// [`I2cError::Borrowed`].
@@ -138,8 +138,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         })
     }
 
-    /// A byte from the master. On a stuck SDA a byte of ones is lost, and one of zeros seems to be
-    /// acknowledged.
+    /// Sends a byte from the master. While SDA is stuck low a byte of ones is lost, and a byte of
+    /// zeros seems to be acknowledged.
     fn send(
         &mut self,
         byte: u8,
@@ -154,7 +154,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         }
     }
 
-    /// Wired-AND of what all chips send; those that are not addressed leave the line high.
+    /// Reads the wired-AND of the bytes of all chips; chips that are not addressed leave the line
+    /// high.
     fn read_byte(&mut self, ack: Ack) -> Result<u8, I2cError> {
         let time = now(self.chips)?;
         let mut byte = 0xFF;
@@ -163,7 +164,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Ok(byte)
     }
 
-    /// Lets some bits pass; if SCL is held low at their end, they last until it is released. The
+    /// Advances by some bits; if SCL is held low at their end, until it is released. Returns the
     /// time after that.
     fn clock(&mut self, bits: u64) -> Result<Time, I2cError> {
         let time = now(self.chips)? + self.bit.times(bits);
@@ -218,7 +219,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Ok(release)
     }
 
-    /// Waits for a line to be released, if it is held, but no longer than the deadline.
+    /// Waits until a held line is released, but no longer than the deadline.
     fn await_release(&mut self, release: Option<Time>, late: I2cError) -> Result<(), I2cError> {
         let Some(release) = release else {
             return Ok(());
@@ -272,7 +273,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
     }
 }
 
-/// Whether the operations begin with a read of at least one byte.
+/// Whether the operations start with a read of at least one byte.
 fn reads_on(operations: &[Operation<'_>]) -> bool {
     operations
         .iter()
@@ -302,27 +303,28 @@ impl<S: Sensors> I2c for Bus<'_, S> {
     }
 }
 
-/// A delay in the time of the chips.
+/// A delay in simulated time.
 #[derive(Clone, Copy, Debug)]
 pub struct Delay<'a, S> {
     chips: &'a [RefCell<Chip<S>>],
 }
 
 impl<'a, S: Sensors> Delay<'a, S> {
-    /// A delay that moves one chip.
+    /// Creates a delay that advances one chip.
     #[must_use]
     pub fn new(chip: &'a RefCell<Chip<S>>) -> Self {
         Self::shared(core::slice::from_ref(chip))
     }
 
-    /// A delay that moves all chips of a bus.
+    /// Creates a delay that advances all chips of a bus.
     #[must_use]
     pub const fn shared(chips: &'a [RefCell<Chip<S>>]) -> Self {
         Self { chips }
     }
 
     fn wait(&self, length: Time) {
-        // this function cannot report an error; the next transfer reports a borrow that the test holds
+        // this function cannot return an error; the next transfer reports a borrow that the test
+        // holds
         if let Ok(time) = now(self.chips) {
             let _ = each(self.chips, |chip| chip.advance_to(time + length));
         }
@@ -350,7 +352,7 @@ pub struct IntbPin<'a, S> {
 }
 
 impl<'a, S: Sensors> IntbPin<'a, S> {
-    /// The pin of a chip.
+    /// Returns the INTB pin of a chip.
     #[must_use]
     pub const fn new(chip: &'a RefCell<Chip<S>>) -> Self {
         Self { chip }
@@ -371,14 +373,15 @@ impl<S: Sensors> digital::InputPin for IntbPin<'_, S> {
     }
 }
 
-/// The SD pin as an output of the microcontroller. It is lost while the test holds a borrow.
+/// The SD pin as an output of the microcontroller. Levels set while the test holds a borrow are
+/// lost.
 #[derive(Clone, Copy, Debug)]
 pub struct ShutdownPin<'a, S> {
     chip: &'a RefCell<Chip<S>>,
 }
 
 impl<'a, S: Sensors> ShutdownPin<'a, S> {
-    /// The pin of a chip.
+    /// Returns the SD pin of a chip.
     #[must_use]
     pub const fn new(chip: &'a RefCell<Chip<S>>) -> Self {
         Self { chip }
@@ -417,7 +420,7 @@ fn each<S>(chips: &[RefCell<Chip<S>>], mut act: impl FnMut(&mut Chip<S>)) -> Res
         .try_for_each(|chip| borrowed(chip).map(|mut chip| act(&mut chip)))
 }
 
-/// The present of the bus: that of the chip that is furthest on.
+/// The bus's current time: that of its most advanced chip.
 fn now<S: Sensors>(chips: &[RefCell<Chip<S>>]) -> Result<Time, I2cError> {
     let mut time = Time::ZERO;
     each(chips, |chip| time = time.max(chip.now()))?;
@@ -426,7 +429,7 @@ fn now<S: Sensors>(chips: &[RefCell<Chip<S>>]) -> Result<Time, I2cError> {
 
 #[cfg(feature = "async")]
 mod asynchronous {
-    //! The same bus and delay for asynchronous drivers: simulated time needs no waiting.
+    //! The bus and delay for asynchronous drivers: simulated time needs no waiting.
 
     use super::{Bus, Delay, I2c, Operation, Sensors, SevenBitAddress};
     use embedded_hal::delay::DelayNs;

@@ -1,4 +1,4 @@
-//! The chip as a whole: its time, its pins, its supply, and the truth about it.
+//! The whole chip: its time, pins, supply and ground truth.
 
 use crate::conversion::TrueConversion;
 use crate::faults::{
@@ -15,32 +15,32 @@ use crate::settings::{ExternalClock, Settings};
 use crate::time::Time;
 
 /// Steps of the schedule that one call of [`Chip::advance_to`] runs before it skips the rest: some
-/// two million conversions, or half an hour at a kilohertz. It keeps a call with a senseless time
-/// from running for days.
+/// two million conversions, or half an hour at a kilohertz. The limit keeps a call with a senseless
+/// time from running for days.
 const LONGEST_RUN: u32 = 1 << 22;
 
-/// Breaches of the datasheet's rules by the driver. A driver's test asserts that this equals its
-/// `default()`.
+/// Counts of the driver's violations of the datasheet. A driver's test asserts that this equals
+/// `Misuse::default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misuse {
-    /// Writes of another value than the required one to reserved bits (7.6.1).
+    /// Writes to reserved bits with another value than required (7.6.1).
     pub reserved_bits: u64,
     /// Writes to read-only registers.
     pub read_only_writes: u64,
-    /// Accesses to addresses at which there is no register.
+    /// Accesses to addresses without a register.
     pub unknown_registers: u64,
-    /// Writes of the configuration while converting, other than to sleep or to reset (7.4.1).
+    /// Writes to the configuration while converting, except to sleep or reset (7.4.1).
     pub writes_while_active: u64,
-    /// Accesses broken off between the two bytes of a register by the master (7.5.2).
+    /// Accesses that the master broke off between the two bytes of a register (7.5.2).
     pub early_terminations: u64,
-    /// Conversions with RCOUNT below 9, SETTLECOUNT below 4 or FIN_DIVIDER 0 (tables 21, 43); each
-    /// counts.
+    /// Conversions with RCOUNT below 9, SETTLECOUNT below 4 or FIN_DIVIDER 0 (tables 21, 43); every
+    /// such conversion counts.
     pub reserved_values: u64,
     /// Conversions with the reference above 35 MHz (single channel), 40 MHz (autoscan, external) or
     /// 55 MHz (autoscan, internal) (table 43).
     pub reference_too_fast: u64,
-    /// Conversions with the divided sensor at a quarter of the reference or above, or a sensor of
-    /// 8.75 MHz or above undivided (table 43).
+    /// Conversions with the divided sensor at a quarter of the reference or above, or with an
+    /// undivided sensor at 8.75 MHz or above (table 43).
     pub sensor_too_fast: u64,
     /// Conversions in autoscan with HIGH_CURRENT_DRV set (8.1.5.5).
     pub high_current_in_autoscan: u64,
@@ -48,8 +48,8 @@ pub struct Misuse {
 
 /// One LDC1612 or LDC1614 with its sensors.
 ///
-/// Time moves only forward, by [`Chip::advance_to`] and by the calls of the bus, which carry their
-/// own times; an earlier time than [`Chip::now`] counts as now. A clone is a snapshot of everything.
+/// Time only moves forward, by [`Chip::advance_to`] and by the calls of the bus, which carry their
+/// own times; a time before [`Chip::now`] counts as now. A clone is a snapshot of the whole state.
 ///
 /// ```
 /// use ldc161x_sim::{Chip, Settings, Time};
@@ -72,16 +72,16 @@ pub struct Chip<S> {
     pub(crate) faults: Schedule,
     pub(crate) random: Random,
     pub(crate) misuse: Misuse,
-    /// [`crate::SleepExit::LosesOnce`] has struck.
+    /// Whether [`crate::SleepExit::LosesOnce`] has taken effect.
     pub(crate) has_lost_registers: bool,
     shut_down: bool,
-    /// From when on the bus answers.
+    /// Time from which on the bus answers.
     awake: Time,
     address_pin_high: bool,
 }
 
 impl<S: Sensors> Chip<S> {
-    /// A chip that has long been powered: asleep, with its registers at their reset values.
+    /// Creates a chip that has long been powered: asleep, with its registers at their reset values.
     #[must_use]
     pub fn new(settings: Settings, sensors: S) -> Self {
         Self {
@@ -103,7 +103,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The present of this chip.
+    /// Current time of this chip.
     #[must_use]
     pub fn now(&self) -> Time {
         self.now
@@ -112,7 +112,7 @@ impl<S: Sensors> Chip<S> {
     /// Runs the chip up to a time.
     ///
     /// A call that would run more than some two million conversions skips the rest of them: the
-    /// channel under way then begins anew at `time`.
+    /// current channel then restarts at `time`.
     pub fn advance_to(&mut self, time: Time) {
         let mut steps_left = LONGEST_RUN;
         while let Some(due) = self.next_event().filter(|&due| due <= time) {
@@ -127,8 +127,8 @@ impl<S: Sensors> Chip<S> {
         self.now = self.now.max(time);
     }
 
-    /// When something next happens inside the chip; nothing if only the bus or a pin can wake it.
-    /// An emulated microcontroller need not poll INTB before that.
+    /// Time of the next event inside the chip; `None` if only the bus or a pin can wake it. An
+    /// emulated microcontroller need not poll INTB before that time.
     #[must_use]
     pub fn next_event(&self) -> Option<Time> {
         let sequence = self.sequence_due().time();
@@ -144,8 +144,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Runs the chip until INTB is low, or up to `limit`. The time of the falling edge, or now if
-    /// the pin is low already; nothing if it stays high.
+    /// Runs the chip until INTB is low, or up to `limit`. Returns the time of the falling edge, or
+    /// now if the pin is low already; `None` if it stays high.
     pub fn advance_to_interrupt(&mut self, limit: Time) -> Option<Time> {
         while !self.intb_is_low() {
             match self.next_event().filter(|&due| due <= limit) {
@@ -161,7 +161,7 @@ impl<S: Sensors> Chip<S> {
 
     // ---- pins and supply ----
 
-    /// The level of INTB: push-pull, active low.
+    /// Whether INTB is low. The pin is push-pull and active low.
     #[must_use]
     pub fn intb_is_low(&self) -> bool {
         let stuck = self.intb_is_stuck();
@@ -169,7 +169,7 @@ impl<S: Sensors> Chip<S> {
         stuck.unwrap_or(driven_low)
     }
 
-    /// Whether INTB does not follow the chip, and whether it is low then.
+    /// Level at which INTB is stuck, `Some(true)` for low; `None` if it follows the chip.
     #[must_use]
     pub fn intb_is_stuck(&self) -> Option<bool> {
         self.faults.active().find_map(|fault| match fault {
@@ -178,8 +178,8 @@ impl<S: Sensors> Chip<S> {
         })
     }
 
-    /// The level of the SD pin, now. High resets everything and silences the bus; low brings the
-    /// bus back after [`Settings::wake_up`] (datasheet 7.4.4).
+    /// Sets the level of the SD pin at the current time. High resets everything and silences the
+    /// bus; low brings the bus back after [`Settings::wake_up`] (datasheet 7.4.4).
     pub fn set_shutdown(&mut self, high: bool) {
         if high {
             self.reset();
@@ -190,28 +190,30 @@ impl<S: Sensors> Chip<S> {
         self.shut_down = high;
     }
 
-    /// The level of the ADDR pin. The chip follows it in shutdown only (datasheet 7.4.4).
+    /// Sets the level of the ADDR pin. The chip follows it in shutdown only (datasheet 7.4.4).
     pub fn set_address_pin(&mut self, high: bool) {
         if self.shut_down {
             self.address_pin_high = high;
         }
     }
 
-    /// The clock at CLKIN from now on, or none. The conversion under way begins anew if it is
-    /// counted with that clock.
+    /// Sets the clock at CLKIN from the current time on; `None` for no clock. If the current
+    /// conversion uses that clock, it restarts.
     pub fn set_external_clock(&mut self, clock: Option<ExternalClock>) {
         self.settings.external_clock = clock;
         self.follow_clkin();
     }
 
-    /// The supply dips and returns at once: a power-on reset, and silence for the wake-up time.
+    /// Lets the supply dip and return at once: a power-on reset, and silence on the bus for the
+    /// wake-up time.
     pub fn brown_out(&mut self) {
         self.reset();
         self.link.lose_power();
         self.awake = self.now + self.settings.wake_up;
     }
 
-    /// All registers to their reset values, which is sleep; results, errors and INTB cleared.
+    /// Sets all registers to their reset values, which puts the chip to sleep; clears results,
+    /// errors and INTB.
     pub(crate) fn reset(&mut self) {
         self.registers = RegisterFile::new();
         self.fall_asleep();
@@ -222,7 +224,7 @@ impl<S: Sensors> Chip<S> {
         self.results.clear();
     }
 
-    /// Whether the chip follows the bus at all.
+    /// Whether the chip follows the bus.
     pub(crate) fn is_on_the_bus(&self) -> bool {
         !self.shut_down && self.now >= self.awake
     }
@@ -233,7 +235,7 @@ impl<S: Sensors> Chip<S> {
 
     // ---- faults ----
 
-    /// Schedules a fault; one whose time has come begins at once.
+    /// Schedules a fault; a fault whose time has come starts at once.
     ///
     /// # Errors
     /// [`ScheduleFull`] when [`crate::FAULT_SLOTS`] faults wait or act.
@@ -243,7 +245,7 @@ impl<S: Sensors> Chip<S> {
         Ok(fault)
     }
 
-    /// Ends all faults that act and forgets those that wait.
+    /// Ends all active faults and removes those that wait.
     pub fn clear_faults(&mut self) {
         let clock_was_lost = self.clkin_is_lost();
         self.faults.clear(self.now);
@@ -252,19 +254,19 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The state of a fault; nothing once a later one has taken its slot.
+    /// State of a fault; `None` once a later fault has taken its slot.
     #[must_use]
     pub fn fault_state(&self, fault: FaultId) -> Option<FaultState> {
         self.faults.state(fault)
     }
 
-    /// Whether any fault acts now.
+    /// Whether any fault is active at the current time.
     #[must_use]
     pub fn is_disturbed(&self) -> bool {
         self.faults.is_disturbed()
     }
 
-    /// What faults have done so far.
+    /// Counts of the effects of faults so far.
     #[must_use]
     pub fn disturbances(&self) -> Disturbances {
         self.faults.log
@@ -276,7 +278,8 @@ impl<S: Sensors> Chip<S> {
             .any(|fault| *fault == ChipFault::ClockLoss)
     }
 
-    /// Applies what a fault does once, when it begins or ends; the rest is polled while it acts.
+    /// Applies the immediate effect of a fault that starts or ends; its other effects are polled
+    /// while it is active.
     pub(crate) fn apply(&mut self, change: FaultChange) {
         match change.fault {
             ChipFault::BrownOut(Lost::Everything) => self.brown_out(),
@@ -299,7 +302,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Changes a stored register behind the bus; CONFIG still puts the chip to sleep or wakes it.
+    /// Changes a stored register without the bus; CONFIG still puts the chip to sleep or wakes it.
     fn put_register(&mut self, address: u8, value: u16) {
         let slept = self.registers.config().sleeps();
         self.registers.set(address, value);
@@ -308,7 +311,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Begins or ends conversions after CONFIG has changed.
+    /// Starts or stops conversions after a change of CONFIG.
     pub(crate) fn follow_sleep(&mut self, slept: bool) {
         match (slept, self.registers.config().sleeps()) {
             (true, false) => self.wake(),
@@ -317,7 +320,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The clock at CLKIN has come or gone.
+    /// Handles the arrival or loss of the clock at CLKIN.
     fn follow_clkin(&mut self) {
         if self.registers.config().external_clock() {
             self.restart_channel();
@@ -336,76 +339,76 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The parameters that it was made with.
+    /// The parameters with which the chip was created.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What is connected to its inputs.
+    /// The sensors connected to the inputs.
     #[must_use]
     pub fn sensors(&self) -> &S {
         &self.sensors
     }
 
-    /// What is connected to its inputs, to be changed. The conversion under way is counted with what
-    /// is connected at its end.
+    /// The sensors connected to the inputs, mutable. The current conversion is counted with the
+    /// sensors connected at its end.
     pub fn sensors_mut(&mut self) -> &mut S {
         &mut self.sensors
     }
 
-    /// Whether it is out of sleep and shutdown.
+    /// Whether the chip is neither asleep nor shut down.
     #[must_use]
     pub fn is_converting(&self) -> bool {
         !self.shut_down && !self.registers.config().sleeps()
     }
 
-    /// Conversions of a channel that have ended with a result, good or bad.
+    /// Number of conversions of a channel that ended with a result, good or bad.
     #[must_use]
     pub fn conversions(&self, channel: u8) -> u64 {
         self.results.finished(channel)
     }
 
-    /// Results of a channel that were overwritten before DATAx_MSB was read, whatever UNREADCONVx
-    /// said.
+    /// Number of results of a channel that were overwritten before DATAx_MSB was read, whatever
+    /// UNREADCONVx said.
     #[must_use]
     pub fn overwritten(&self, channel: u8) -> u64 {
         self.results.overwritten(channel)
     }
 
-    /// The truth about the last conversion of a channel.
+    /// Ground truth of the last conversion of a channel.
     #[must_use]
     pub fn last_conversion(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.newest(channel)
     }
 
-    /// The truth about the conversion whose result was last latched by a read of DATAx_MSB: the
-    /// one that the driver has read. Nothing if there was none to be read: since sleep, or because
-    /// the watchdog had aborted it.
+    /// Ground truth of the conversion whose result was last latched by a read of DATAx_MSB: the one
+    /// that the driver has read. `None` if there was none to read: since sleep, or because the
+    /// watchdog had aborted it.
     #[must_use]
     pub fn last_read(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.last_read(channel)
     }
 
-    /// Falling edges that the chip has driven on INTB, stuck line or not.
+    /// Number of falling edges that the chip has driven on INTB, whether or not the line is stuck.
     #[must_use]
     pub fn interrupts(&self) -> u64 {
         self.results.falling_edges()
     }
 
-    /// The last of those edges.
+    /// Time of the last falling edge on INTB.
     #[must_use]
     pub fn last_interrupt(&self) -> Option<Time> {
         self.results.last_fall()
     }
 
-    /// What the driver has done against the datasheet.
+    /// Counts of the driver's violations of the datasheet.
     #[must_use]
     pub fn misuse(&self) -> Misuse {
         self.misuse
     }
 
-    /// What has passed on the bus.
+    /// Counts of the traffic on the bus.
     #[must_use]
     pub fn traffic(&self) -> Traffic {
         self.traffic

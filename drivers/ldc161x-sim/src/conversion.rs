@@ -1,4 +1,4 @@
-//! One conversion: from a moving frequency to a word.
+//! One conversion: from a varying frequency to a word.
 
 use crate::counter::{Counts, DividedSignal, Ratio, exact_ratio};
 use crate::drive::{AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V};
@@ -12,40 +12,40 @@ use crate::time::{Moment, Time};
 /// Largest word, 0xFFF_FFFF: over-range.
 pub(crate) const OVER_RANGE_WORD: u32 = (1 << 28) - 1;
 
-/// One finished conversion as it truly was: the ground truth of a test.
+/// Ground truth of one finished conversion, for a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueConversion {
     /// Channel, 0 to 3.
     pub channel: u8,
-    /// How many conversions of this channel came before it since the chip was made.
+    /// Number of earlier conversions of this channel since the chip was created.
     pub number: u64,
-    /// Opening of the gate.
+    /// Time at which the gate opens.
     pub start: Time,
-    /// Closing of the gate; the result is there, and INTB falls, at this time.
+    /// Time at which the gate closes; at this time the result is available and INTB falls.
     pub end: Time,
     /// Mean of [`Sensors::frequency_hz`] from `start` to `end`, Hz.
     pub sensor_hz: f64,
     /// Mean frequency at the comparator, Hz: the sensor's with the shifts by drive, clamp and
-    /// settling, with noise, and with what pulls it from outside. The word gives this one.
+    /// settling, with noise and with external pulling. The word encodes this frequency.
     pub oscillation_hz: f64,
-    /// True reference frequency, Hz, behind FREF_DIVIDERx.
+    /// True reference frequency behind FREF_DIVIDERx, Hz.
     pub reference_hz: f64,
-    /// Amplitude at the beginning, volt peak.
+    /// Peak amplitude at the start, V.
     pub amplitude_v: f64,
     /// Drive-current code in use, 0 to 31.
     pub drive_code: u8,
-    /// M and N; both zero when quantisation is off or nothing was counted.
+    /// M and N; both zero if quantisation is off or no edge was counted.
     pub counts: Counts,
     /// The 28-bit word as in DATAx, after OFFSETx.
     pub word: u32,
-    /// What was wrong, whether or not ERROR_CONFIG lets it show.
+    /// Errors of the conversion, whether or not ERROR_CONFIG reports them.
     pub errors: Errors,
-    /// The count is wrong and nothing reports it: a register was written during the conversion, or
-    /// the deglitch filter is slower than the sensor.
+    /// Whether the count is wrong without any report: a register was written during the conversion,
+    /// or the deglitch filter is slower than the sensor.
     pub spoilt: bool,
 }
 
-/// The frequency of a sensor over a window of time, Hz.
+/// Frequency of a sensor over a window of time, Hz.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sweep {
     pub(crate) first: f64,
@@ -54,8 +54,9 @@ pub(crate) struct Sweep {
 }
 
 impl Sweep {
-    /// Composite five-point Gauss–Lobatto quadrature: exact for polynomials of degree 7 in each
-    /// panel, with nodes at both ends, where the first and the last edge need the frequency.
+    /// Integrates by composite five-point Gauss–Lobatto quadrature: exact for polynomials of degree
+    /// 7 in each panel, with nodes at both ends, where the first and the last edge need the
+    /// frequency.
     pub(crate) fn over(
         sensors: &impl Sensors,
         channel: u8,
@@ -91,7 +92,7 @@ impl Sweep {
         }
     }
 
-    /// With what pulls it from outside spread evenly over the conversion: the edges at its ends are
+    /// Spreads the external pulling evenly over the conversion: the edges at its ends are then
     /// timed by a frequency that is off by some 10⁻⁵ at most.
     fn pulled(self, sensors: &impl Sensors, channel: u8, start_s: f64, length_s: f64) -> Self {
         let window = Window {
@@ -124,7 +125,7 @@ const END_WEIGHT: f64 = 0.1;
 const INNER_WEIGHT: f64 = 49.0 / 90.0;
 const CENTRE_WEIGHT: f64 = 32.0 / 45.0;
 
-/// Zero for what is no frequency.
+/// The frequency, or zero if it is not positive or not finite.
 fn oscillating(frequency_hz: f64) -> f64 {
     if frequency_hz > 0.0 && frequency_hz.is_finite() {
         frequency_hz
@@ -133,7 +134,7 @@ fn oscillating(frequency_hz: f64) -> f64 {
     }
 }
 
-/// What the registers and the clocks were when a conversion began.
+/// Registers and clocks at the start of a conversion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gate {
     pub(crate) channel: u8,
@@ -145,22 +146,23 @@ pub(crate) struct Gate {
     pub(crate) deglitch: u8,
     pub(crate) reference_hz: f64,
     pub(crate) drive_code: u8,
-    /// Amplitude at the beginning, V.
+    /// Amplitude at the start, V.
     pub(crate) amplitude_v: f64,
-    /// What it will be once it has settled, V.
+    /// Amplitude after settling, V.
     pub(crate) settled_v: f64,
-    /// A write came in between.
+    /// Whether a register was written during the conversion.
     pub(crate) disturbed: bool,
 }
 
 impl Gate {
-    /// 16 RCOUNT reference periods; at least 16, so that every conversion takes time.
+    /// Length of the gate in reference periods: 16 RCOUNT, at least 16, so that every conversion
+    /// takes time.
     pub(crate) fn clocks(&self) -> f64 {
         16.0 * f64::from(self.rcount.max(1))
     }
 
-    /// Counts the sensor. `phase` is that of the divided signal at the beginning, in cycles, and is
-    /// carried on to the end.
+    /// Counts the sensor. `phase` is the phase of the divided signal in cycles; it is advanced from
+    /// the start to the end of the conversion.
     pub(crate) fn measure(
         &self,
         settings: &Settings,
@@ -210,7 +212,7 @@ impl Gate {
         }
     }
 
-    /// Relative shift of the frequency by the drive, the clamp at the input and the settling.
+    /// Relative shift of the frequency by drive, input clamp and settling.
     fn shift(&self, settings: &Settings) -> f64 {
         let drive = &settings.drive;
         let above_v = (self.amplitude_v - AMPLITUDE_HIGH_V).max(0.0);
@@ -220,7 +222,7 @@ impl Gate {
             + drive.settling_shift * missing
     }
 
-    /// Relative noise of the mean frequency: white, so it falls with the root of the time.
+    /// Relative noise of the mean frequency: white, so it falls with the square root of the time.
     fn noise(&self, settings: &Settings, length_s: f64, random: &mut Random) -> f64 {
         if settings.conversions.noise_at_1ms <= 0.0 {
             return 0.0;
@@ -229,9 +231,9 @@ impl Gate {
         settings.conversions.noise_at_1ms * faint * libm::sqrt(1e-3 / length_s) * random.normal()
     }
 
-    /// The share of the edges that reach the counter. A filter slower than the sensor swallows some
-    /// of them (datasheet 8.1.7 only says that it must be faster; how many is a guess), and so
-    /// does, in the model, a write during the conversion.
+    /// Share of the edges that reach the counter. A filter slower than the sensor swallows some of
+    /// them (datasheet 8.1.7 only requires that it is faster; the number lost is a guess). In the
+    /// model a write during the conversion does the same.
     fn share_seen(&self, oscillation_hz: f64, bandwidth_hz: f64, random: &mut Random) -> f64 {
         let mut share = 1.0;
         if oscillation_hz >= bandwidth_hz {
@@ -243,7 +245,7 @@ impl Gate {
         share
     }
 
-    /// The signal behind FIN_DIVIDERx; a divider of zero passes nothing.
+    /// The signal behind FIN_DIVIDERx; a divider of zero passes no edges.
     fn signal(&self, seen: Sweep, phase: f64, length_s: f64) -> DividedSignal {
         let divided = match self.sensor_divider {
             0 => seen.scaled(0.0),
@@ -296,7 +298,7 @@ fn deglitch_hz(code: u8, widest: Deglitch33) -> f64 {
     }
 }
 
-/// Phase without its whole cycles.
+/// Fractional part of a phase in cycles.
 pub(crate) fn fraction(cycles: f64) -> f64 {
     let fraction = cycles - libm::floor(cycles);
     if fraction.is_finite() { fraction } else { 0.0 }

@@ -1,21 +1,21 @@
-//! The counter: how a frequency becomes a quotient of two whole numbers.
+//! The counter: turns a frequency into a quotient of two whole numbers.
 //!
-//! Recorded words decode as round(2²⁸ M/N) with N some 16 to 28 below 32 RCOUNT and odd M among
-//! them (reference `ldc1614.md`, section 0.1). A reciprocal counter does that: it times a whole
-//! number of sensor periods, from the first edge in the gate to the last, in whole reference
-//! periods. This module does the arithmetic of those edges; that nothing here is a formula for the
-//! variance of the result is what makes the model able to show dithering, stuck words and beats.
+//! Recorded words decode as round(2²⁸ M/N) with N some 16 to 28 below 32 RCOUNT, some of them with
+//! odd M (reference `ldc1614.md`, section 0.1). A reciprocal counter produces such words: it times
+//! a whole number of sensor periods, from the first edge in the gate to the last, in whole
+//! reference periods. This module computes those edges. It uses no formula for the variance of the
+//! result, so dithering, stuck words and beats emerge by themselves.
 
 use crate::switches::Counter;
 
 /// Full scale of a word: a sensor as fast as the reference.
 const FULL_SCALE: u64 = 1 << 28;
 
-/// The beginning of a gate, in which no edge is counted.
+/// The first part of a gate, in which no edge is counted.
 ///
 /// Its two parts were fitted by maximum likelihood to 15 recorded words (nine at 12 MHz with 3.8
-/// clocks in a sensor period, six at 40 MHz with 9.2), which a constant number of clocks does not
-/// explain together: the gap between N and 32 RCOUNT grows with the sensor's period.
+/// clocks in a sensor period, six at 40 MHz with 9.2). No constant number of clocks explains all of
+/// them: the gap between N and 32 RCOUNT grows with the sensor's period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StartUp {
@@ -26,7 +26,8 @@ pub struct StartUp {
 }
 
 impl StartUp {
-    /// Fitted for [`Counter::TwoGates`], for each gate; ±0.5 clocks and ±0.1 periods do as well.
+    /// Fitted for each gate of [`Counter::TwoGates`]; ±0.5 clocks and ±0.1 periods fit equally
+    /// well.
     pub const TWO_GATES: Self = Self {
         clocks: 4.0,
         periods: 0.5,
@@ -45,16 +46,16 @@ impl StartUp {
     }
 }
 
-/// How the core counts.
+/// Parameters of the counter core.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Core {
     pub(crate) counter: Counter,
     pub(crate) start_up: StartUp,
-    /// Phase of the falling edge after the rising one, cycles.
+    /// Phase of the falling edge relative to the rising one, cycles.
     pub(crate) falling_edge: f64,
 }
 
-/// The two whole numbers of one conversion, in units of the full word M/N.
+/// The two whole numbers of one conversion; their ratio M/N gives the word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// M: sensor periods over two gates, or half periods in one.
@@ -63,10 +64,10 @@ pub struct Counts {
     pub reference: u64,
 }
 
-/// What a count comes to.
+/// Ratio of a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ratio {
-    /// Nothing was counted.
+    /// No edge was counted.
     Zero,
     /// A word below full scale.
     Word(u32),
@@ -75,7 +76,7 @@ pub(crate) enum Ratio {
 }
 
 impl Counts {
-    /// round(2²⁸ M/N).
+    /// Computes round(2²⁸ M/N).
     pub(crate) fn ratio(self) -> Ratio {
         if self.sensor == 0 || self.reference == 0 {
             Ratio::Zero
@@ -97,7 +98,7 @@ impl Counts {
     }
 }
 
-/// round(2²⁸ ratio) without counting, for tests without quantisation.
+/// Computes round(2²⁸ ratio) without counting, for tests without quantisation.
 pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
     let word = libm::round(ratio * FULL_SCALE as f64);
     if word >= FULL_SCALE as f64 {
@@ -109,11 +110,12 @@ pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
     }
 }
 
-/// The divided sensor signal during one conversion, seen from the reference clock.
+/// The divided sensor signal during one conversion, timed by the reference clock.
 ///
-/// Time is in reference periods from the start of the conversion, which is an edge of the reference:
-/// the gate is counted in them. The sensor's phase is free. Only the first and the last edge in the
-/// gate matter, so the signal is given by its phase at both ends and its rate there.
+/// Time is in reference periods from the start of the conversion, which is an edge of the
+/// reference, since the gate is counted in these periods. The sensor's phase is free. Only the
+/// first and the last edge in the gate matter, so the signal is given by its phase and its rate at
+/// both ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DividedSignal {
     /// Phase at the start, cycles.
@@ -127,7 +129,7 @@ pub(crate) struct DividedSignal {
 }
 
 impl DividedSignal {
-    /// What the core counts in a conversion of `clocks` reference periods.
+    /// Count of the core in a conversion of `clocks` reference periods.
     pub(crate) fn count(&self, core: Core, clocks: f64) -> Counts {
         if !(self.first_rate > 0.0 && self.last_rate > 0.0 && self.cycles > 0.0) {
             return Counts::default();
@@ -143,7 +145,7 @@ impl DividedSignal {
         }
     }
 
-    /// The same signal with half periods as its cycles and half reference periods as its clock.
+    /// The same signal in half periods of the sensor and half periods of the reference.
     fn in_halves(&self) -> Self {
         Self {
             phase: 2.0 * self.phase,
@@ -172,7 +174,7 @@ impl DividedSignal {
     }
 }
 
-/// A whole number that is zero when negative.
+/// The number as an integer; zero if negative.
 fn whole(number: f64) -> u64 {
     number as u64
 }
@@ -254,8 +256,9 @@ mod tests {
         let mut random = crate::random::Random::new(3, 0);
         for trial in 0..4_000 {
             let clocks = 16.0 * (9.0 + (random.uniform() * 300.0).floor());
-            // In half of the trials few periods: from half a one in the gate to ten. Then the frequency
-            // stands still, since it is taken for constant up to the first edge and from the last one.
+            // Half of the trials have few periods in the gate: from half a period to ten. Their
+            // frequency is constant, since the code assumes a constant frequency up to the first
+            // edge and after the last.
             let (rate, change) = if trial % 2 == 0 {
                 (0.02 + 0.23 * random.uniform(), 0.01)
             } else {
@@ -281,7 +284,7 @@ mod tests {
             let counts = signal.count(core, clocks);
             assert_eq!(counts.sensor, rising.0 + falling.0, "trial {trial}");
             let walked = rising.1 + falling.1;
-            // with the frequency on the move the first edge is up to one tick's rounding off
+            // with a varying frequency the first edge is up to one tick's rounding off
             assert!(counts.reference.abs_diff(walked) <= 1, "trial {trial}");
 
             let halves = Core {

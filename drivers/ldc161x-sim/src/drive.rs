@@ -8,14 +8,14 @@ pub const DRIVE_CURRENTS_UA: [u16; 32] = [
     342, 424, 489, 551, 635, 763, 880, 1017, 1173, 1355, 1563,
 ];
 
-/// Above this the chip reports ERR_AHE, V peak (datasheet table 25).
+/// Peak amplitude above which the chip reports ERR_AHE, V (datasheet table 25).
 pub const AMPLITUDE_HIGH_V: f64 = 1.8;
-/// Below this the chip reports ERR_ALE, V peak (datasheet table 25).
+/// Peak amplitude below which the chip reports ERR_ALE, V (datasheet table 25).
 pub const AMPLITUDE_LOW_V: f64 = 1.2;
 
 const LARGEST_CODE: u8 = 31;
 
-/// The current of a code of IDRIVEx, ampere. Codes beyond 31 count as 31.
+/// Nominal current of an IDRIVEx code, A. Codes beyond 31 count as 31.
 #[must_use]
 pub fn drive_current_a(code: u8) -> f64 {
     let microamperes = DRIVE_CURRENTS_UA
@@ -25,14 +25,14 @@ pub fn drive_current_a(code: u8) -> f64 {
     f64::from(microamperes) * 1e-6
 }
 
-/// Settled amplitude of the oscillation, volt peak: 4 RP I / π (datasheet equation 12, SNOA950).
+/// Settled peak amplitude of the oscillation, V: 4 RP I / π (datasheet equation 12, SNOA950).
 #[must_use]
 pub fn amplitude_v(parallel_resistance_ohm: f64, current_a: f64) -> f64 {
     4.0 * parallel_resistance_ohm * current_a / PI
 }
 
-/// The code that the automatic calibration settles on: the highest with an amplitude below 1.8 V
-/// (the choice that SNOA950 recommends; that the chip makes the same one is a guess).
+/// Code that the automatic calibration settles on: the highest with an amplitude below 1.8 V.
+/// SNOA950 recommends this choice; that the chip makes the same one is a guess.
 #[must_use]
 pub fn calibrated_code(parallel_resistance_ohm: f64) -> u8 {
     (0..=LARGEST_CODE)
@@ -57,13 +57,13 @@ pub(crate) fn corrected_code(code: u8, amplitude_v: f64) -> u8 {
 
 /// An oscillation that is building up since its activation.
 ///
-/// The envelope of a parallel resonator driven at its resonance approaches its end with the time
-/// constant Q/(π f).
+/// The envelope of a parallel resonator driven at its resonance approaches its final value with the
+/// time constant Q/(π f).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BuildUp {
-    /// Amplitude that the drive of the conversion sustains, V.
+    /// Amplitude that the drive current of the conversion sustains, V.
     pub(crate) settled_v: f64,
-    /// Amplitude that the drive of the activation would end at, V: that of the largest current in
+    /// Final amplitude with the drive current of the activation, V: the largest current in
     /// full-current mode, `settled_v` in low-power mode (datasheet 8.1.4.2).
     pub(crate) driven_v: f64,
     /// Time constant, s.
@@ -75,8 +75,8 @@ impl BuildUp {
         quality_factor / (PI * frequency_hz)
     }
 
-    /// Amplitude at the end of an activation of `settle_s` and `later_s` into the conversions that
-    /// follow it. During activation it is held at the settled amplitude once that is reached.
+    /// Amplitude after an activation of `settle_s` and `later_s` of the conversions that follow it,
+    /// V. During activation the chip limits it to the settled amplitude.
     pub(crate) fn amplitude_v(&self, settle_s: f64, later_s: f64) -> f64 {
         let risen_v = self.driven_v * (1.0 - self.left_after(settle_s));
         let missing_v = (self.settled_v - risen_v).max(0.0);
@@ -85,7 +85,7 @@ impl BuildUp {
 
     fn left_after(&self, time_s: f64) -> f64 {
         let decay = time_s / self.time_constant_s;
-        // e⁻⁴⁰ is below the resolution of the amplitude; NaN (no oscillation) leaves nothing either
+        // e⁻⁴⁰ is below the resolution of the amplitude; NaN (no oscillation) leaves none either
         if decay < 40.0 { libm::exp(-decay) } else { 0.0 }
     }
 }
@@ -96,8 +96,9 @@ mod tests {
 
     #[test]
     fn the_table_of_currents_agrees_with_the_table_of_resistances() {
-        // Table 42 gives with each current the RP for 1.2 V and for 1.8 V; equation 12 must tie them.
-        // Spot checks at both ends and in the middle, to the table's own rounding of the current.
+        // For each current, table 42 gives the RP for 1.2 V and for 1.8 V; equation 12 must relate
+        // them. Spot checks at both ends and in the middle, to the table's own rounding of the
+        // current.
         for (code, least_kohm, largest_kohm) in [
             (0, 60.0, 90.0),
             (9, 16.1, 23.6),
@@ -128,7 +129,7 @@ mod tests {
 
     #[test]
     fn the_datasheet_settling_rule_leaves_four_percent() {
-        // Equation 10 asks for Q/f, which is π time constants: 1 - e^-π = 0.957.
+        // Equation 10 requires Q/f, which is π time constants: 1 - e^-π = 0.957.
         let time_constant_s = BuildUp::time_constant_s(25.0, 3e6);
         let rise = BuildUp {
             settled_v: 1.5,

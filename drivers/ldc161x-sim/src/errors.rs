@@ -5,13 +5,13 @@ use core::ops::{BitOr, BitOrAssign};
 
 /// A set of conversion errors.
 ///
-/// The bits are those of the "2INT" half of ERROR_CONFIG (datasheet table 26), from which the other
-/// two layouts follow by shifts.
+/// The bits are those of the "2INT" half of ERROR_CONFIG (datasheet table 26); shifts give the
+/// other two layouts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Errors(u8);
 
 impl Errors {
-    /// Nothing wrong.
+    /// No errors.
     pub const NONE: Self = Self(0);
     /// ERR_UR: the offset is larger than the result.
     pub const UNDER_RANGE: Self = Self(0x80);
@@ -19,31 +19,31 @@ impl Errors {
     pub const OVER_RANGE: Self = Self(0x40);
     /// ERR_WD: the watchdog has aborted a conversion.
     pub const WATCHDOG: Self = Self(0x20);
-    /// ERR_AHE: amplitude above 1.8 V at the beginning of the conversion.
+    /// ERR_AHE: amplitude above 1.8 V at the start of the conversion.
     pub const AMPLITUDE_HIGH: Self = Self(0x10);
-    /// ERR_ALE: amplitude below 1.2 V at the beginning of the conversion.
+    /// ERR_ALE: amplitude below 1.2 V at the start of the conversion.
     pub const AMPLITUDE_LOW: Self = Self(0x08);
     /// ERR_ZC: no edge was counted.
     pub const ZERO_COUNT: Self = Self(0x04);
 
-    /// Whether all of `other` are among these.
+    /// Whether this set contains all errors of `other`.
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// Whether there are none.
+    /// Whether the set is empty.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Those that ERROR_CONFIG sends to INTB.
+    /// Errors that ERROR_CONFIG reports on INTB.
     pub(crate) const fn to_interrupt(self, error_config: u16) -> Self {
         Self(self.0 & error_config as u8)
     }
 
-    /// Those that ERROR_CONFIG sends to DATAx_MSB, as bits 15:12 of it.
+    /// Errors that ERROR_CONFIG reports in DATAx_MSB, as bits 15:12 of the register.
     pub(crate) const fn to_data(self, error_config: u16) -> u16 {
         let shown = self.0 & (error_config >> 8) as u8 & 0xF8;
         let amplitude = Self::AMPLITUDE_HIGH.0 | Self::AMPLITUDE_LOW.0;

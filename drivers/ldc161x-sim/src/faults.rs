@@ -1,4 +1,5 @@
-//! Faults of the chip, its wires and its supply, at a time or a transaction of the test's choice.
+//! Faults of the chip, its wires and its supply, triggered by a time or a transaction that the test
+//! selects.
 
 use crate::random::Random;
 use crate::time::Time;
@@ -6,17 +7,19 @@ use crate::time::Time;
 /// How many faults can be scheduled or remembered at once.
 pub const FAULT_SLOTS: usize = 16;
 
-/// Which registers a dip of the supply resets. Which ones it does in silicon is unknown.
+/// Registers that a dip of the supply resets. Which ones it resets in silicon is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Lost {
-    /// All, as in a power-on reset: conversions stop and the bus is silent for the wake-up time.
+    /// All registers, as in a power-on reset: conversions stop and the bus is silent for the
+    /// wake-up time.
     Everything,
-    /// Those whose bit, numbered by address from 0x00 to 0x21, is set; nothing else changes.
+    /// The registers whose bit, numbered by address from 0x00 to 0x21, is set; nothing else
+    /// changes.
     Registers(u64),
 }
 
-/// Which bytes on the bus a bit flip strikes.
+/// Direction and kind of the bytes that a bit flip affects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Path {
@@ -28,68 +31,68 @@ pub enum Path {
     Pointer,
 }
 
-/// Which of the bytes on a [`Path`] it is.
+/// Selects the affected byte on a [`Path`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Strike {
     /// The byte with this number on that path in each transaction, from 0.
     Byte(u32),
-    /// Each byte with this probability, 0 to 1.
+    /// Every byte, with this probability, 0 to 1.
     Probability(f64),
 }
 
-/// Something that goes wrong.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ChipFault {
-    /// The chip acknowledges no byte once this many have passed in a transaction, addresses and what
-    /// it sent itself included; 0 refuses the address.
+    /// The chip acknowledges no byte after this many bytes of a transaction, including addresses
+    /// and the bytes that the chip sent; 0 refuses the address.
     Nack {
-        /// Bytes before the first that is refused.
+        /// Bytes before the first refused one.
         after_bytes: u32,
     },
     /// The chip does not answer to its address at all.
     Absent,
-    /// SDA is held low. With `clocks`, that many pulses of SCL end it, as when a transfer was cut
-    /// within a byte; otherwise only its span does.
+    /// SDA is held low. With `clocks`, that many SCL pulses end the fault, as after a transfer that
+    /// was cut short within a byte; otherwise only its span ends it.
     SdaStuck {
         /// SCL pulses that free the line.
         clocks: Option<u8>,
     },
     /// SCL is held low.
     SclStuck,
-    /// A dip of the supply. Happens at once; the span is not used.
+    /// A dip of the supply. Takes effect at once; the span is not used.
     BrownOut(Lost),
     /// One random bit of a byte on the bus is inverted.
     BitFlip {
-        /// Where.
+        /// Affected bytes.
         path: Path,
-        /// Which byte.
+        /// Selection among them.
         strike: Strike,
     },
-    /// Bits of a register are inverted where they are stored (a single-event upset). Happens at
-    /// once; the span is not used.
+    /// Bits of a stored register are inverted (a single-event upset). Takes effect at once; the
+    /// span is not used.
     RegisterUpset {
         /// The register, 0x08 to 0x21.
         address: u8,
         /// The bits to invert.
         bits: u16,
     },
-    /// Another chip answers: the identity registers read thus.
+    /// Another chip answers: the identity registers return these values.
     WrongIdentity {
-        /// What 0x7E reads.
+        /// Value read from 0x7E.
         manufacturer: u16,
-        /// What 0x7F reads.
+        /// Value read from 0x7F.
         device: u16,
     },
     /// The chip sees a STOP that the master did not send, after this many bytes of a transaction.
     EarlyStop {
-        /// Bytes before it, addresses included.
+        /// Bytes before the STOP, addresses included.
         after_bytes: u32,
     },
     /// The INTB line is stuck.
     IntbStuck {
-        /// Its level.
+        /// Whether it is stuck low.
         low: bool,
     },
     /// No clock at CLKIN.
@@ -97,49 +100,49 @@ pub enum ChipFault {
 }
 
 impl ChipFault {
-    /// Whether it is over as soon as it has happened.
+    /// Whether the fault takes effect once and has no duration.
     const fn is_instant(&self) -> bool {
         matches!(self, Self::BrownOut(_) | Self::RegisterUpset { .. })
     }
 }
 
-/// When a fault begins.
+/// Start of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Trigger {
-    /// At a time; one that is past means now.
+    /// At this time; a time in the past means now.
     At(Time),
-    /// At the START of the transaction with this number, counted from 0 since the chip was made
+    /// At the START of the transaction with this number, counted from 0 since the chip was created
     /// (see [`crate::Traffic::transactions`]).
     Transaction(u64),
 }
 
-/// How long a fault lasts.
+/// Duration of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Span {
-    /// For a time.
+    /// For this time.
     Time(Time),
-    /// For this many transactions: it ends with the STOP of the last.
+    /// For this many transactions: the fault ends with the STOP of the last.
     Transactions(u32),
     /// Until the faults are cleared.
     Forever,
 }
 
-/// A fault with its beginning and its length.
+/// A fault with its start and duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FaultEvent {
-    /// When it begins.
+    /// Start of the fault.
     pub trigger: Trigger,
-    /// How long it lasts.
+    /// Duration of the fault.
     pub span: Span,
-    /// What it is.
+    /// The fault.
     pub fault: ChipFault,
 }
 
 impl FaultEvent {
-    /// A fault at a time, for a time.
+    /// A fault that starts at `time` and lasts for `lasting`.
     #[must_use]
     pub const fn at(time: Time, fault: ChipFault, lasting: Time) -> Self {
         Self {
@@ -159,7 +162,7 @@ impl FaultEvent {
         }
     }
 
-    /// A fault from a time on.
+    /// A fault that starts at `time` and does not end by itself.
     #[must_use]
     pub const fn from(time: Time, fault: ChipFault) -> Self {
         Self {
@@ -173,27 +176,27 @@ impl FaultEvent {
 /// The state of a scheduled fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultState {
-    /// It has not begun.
+    /// It has not started.
     Waiting,
-    /// It has begun and not ended.
+    /// It has started and not ended.
     Active {
-        /// When it began.
+        /// Start time.
         since: Time,
     },
-    /// It is over.
+    /// It has ended.
     Over {
-        /// When it began.
+        /// Start time.
         since: Time,
-        /// When it ended.
+        /// End time.
         until: Time,
     },
 }
 
-/// The name of a scheduled fault.
+/// Identifier of a scheduled fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultId(u64);
 
-/// All [`FAULT_SLOTS`] slots are taken by faults that wait or act.
+/// Error: all [`FAULT_SLOTS`] slots are taken by waiting or active faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScheduleFull;
 
@@ -205,20 +208,20 @@ impl core::fmt::Display for ScheduleFull {
 
 impl core::error::Error for ScheduleFull {}
 
-/// What faults have done so far.
+/// Counts of the effects of faults so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Disturbances {
-    /// Faults that have begun.
+    /// Faults that have started.
     pub begun: u64,
     /// Faults that have ended.
     pub ended: u64,
     /// Bytes that went unacknowledged because of a fault.
     pub nacks: u64,
-    /// Bytes of which a bit was inverted on the bus.
+    /// Bytes with a bit inverted on the bus.
     pub flipped_bytes: u64,
-    /// Identities that were forged.
+    /// Reads of a false identity.
     pub forged_identities: u64,
-    /// STOPs that the chip saw and the controller did not send.
+    /// STOPs that the chip saw but the controller did not send.
     pub early_stops: u64,
 }
 
@@ -239,7 +242,7 @@ impl Slot {
         matches!(self.state, FaultState::Over { .. })
     }
 
-    /// When time will begin or end it.
+    /// Time at which the fault starts or ends by time alone.
     fn due(&self) -> Option<Time> {
         match (self.state, self.event.trigger, self.event.span) {
             (FaultState::Waiting, Trigger::At(time), _) => Some(time),
@@ -249,19 +252,18 @@ impl Slot {
     }
 }
 
-/// What the chip has to do because of a fault that begins or ends.
+/// Effect on the chip of a fault that starts or ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FaultChange {
     pub(crate) fault: ChipFault,
     pub(crate) begins: bool,
 }
 
-/// Slots for faults. Every byte on the bus goes through them, so that those which were never
-/// taken are left out.
+/// Slots for faults. Every byte on the bus checks them, so slots that were never used are left out.
 #[derive(Clone, Debug)]
 struct Slots {
     all: [Option<Slot>; FAULT_SLOTS],
-    /// Slots from here on were never taken.
+    /// Slots from this index on were never used.
     taken: usize,
 }
 
@@ -282,12 +284,12 @@ impl Slots {
     }
 }
 
-/// The scheduled faults and their traces.
+/// The scheduled faults and their states.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     slots: Slots,
     next_id: u64,
-    /// The earliest [`Slot::due`], kept because every conversion reads it.
+    /// The earliest [`Slot::due`], cached because every conversion reads it.
     due: Option<Time>,
     random: Random,
     pub(crate) log: Disturbances,
@@ -328,7 +330,7 @@ impl Schedule {
         Ok(FaultId(id))
     }
 
-    /// An empty slot, or that of the oldest fault that is over.
+    /// Index of an empty slot, or of the oldest fault that is over.
     fn free_slot(&self) -> Option<usize> {
         let empty = self.slots.all.iter().position(Option::is_none);
         empty.or_else(|| {
@@ -340,7 +342,7 @@ impl Schedule {
         })
     }
 
-    /// Ends what is active and forgets what waits.
+    /// Ends active faults and removes waiting ones.
     pub(crate) fn clear(&mut self, now: Time) {
         for entry in &mut self.slots.all {
             match entry {
@@ -367,7 +369,7 @@ impl Schedule {
         self.due = self.slots.iter().filter_map(Slot::due).min();
     }
 
-    /// Begins or ends one fault that is due, and returns it.
+    /// Starts or ends one fault that is due, and returns it.
     pub(crate) fn advance(&mut self, now: Time) -> Option<FaultChange> {
         let slot = self
             .slots
@@ -385,7 +387,7 @@ impl Schedule {
         Some(FaultChange { fault, begins })
     }
 
-    /// Begins one fault that waits for this transaction, and returns it.
+    /// Starts one fault that waits for this transaction, and returns it.
     pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<FaultChange> {
         let slot = self.slots.iter_mut().find(|slot| {
             slot.state == FaultState::Waiting
@@ -400,8 +402,8 @@ impl Schedule {
         })
     }
 
-    /// Counts a finished transaction; ends one fault that lasted for it, and returns it. Call with
-    /// `counted` false until nothing is left to end.
+    /// Counts a finished transaction and ends one fault whose duration is over; returns it. Call
+    /// again with `counted` false until it returns `None`.
     pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<FaultChange> {
         let spans =
             |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
@@ -421,7 +423,7 @@ impl Schedule {
         })
     }
 
-    /// Ends faults that SCL pulses end.
+    /// Ends the faults that SCL pulses end.
     pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
         for slot in self.slots.iter_mut().filter(|slot| slot.is_active()) {
             if let ChipFault::SdaStuck {
@@ -441,7 +443,7 @@ impl Schedule {
         self.active().next().is_some()
     }
 
-    /// The faults that act now.
+    /// The active faults.
     pub(crate) fn active(&self) -> impl Iterator<Item = &ChipFault> {
         self.slots
             .iter()
@@ -449,7 +451,8 @@ impl Schedule {
             .map(|slot| &slot.event.fault)
     }
 
-    /// When an active fault that `is_meant` will end; [`Time::MAX`] if nothing but the test ends it.
+    /// End time of an active fault for which `is_meant` is true; [`Time::MAX`] if only the test can
+    /// end it.
     pub(crate) fn lasts_until(&self, is_meant: impl Fn(&ChipFault) -> bool) -> Option<Time> {
         self.slots
             .iter()
@@ -458,8 +461,8 @@ impl Schedule {
             .max()
     }
 
-    /// The byte with the bits that a fault inverts. `index` is its number on its path in this
-    /// transaction.
+    /// Returns the byte with the bits inverted that a fault flips. `index` is the byte's number on
+    /// its path in this transaction.
     pub(crate) fn distort(&mut self, on: Path, index: u32, byte: u8) -> u8 {
         let mut distorted = byte;
         for slot in self.slots.iter().filter(|slot| slot.is_active()) {

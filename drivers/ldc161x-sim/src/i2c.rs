@@ -6,12 +6,12 @@ use crate::sensor::Sensors;
 use crate::switches::{BurstRead, EarlyTermination};
 use crate::time::Time;
 
-/// The bit that follows a byte.
+/// The acknowledge bit after a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// Pulled low: taken, or more is to come.
+    /// Pulled low: byte accepted, or more bytes follow.
     Ack,
-    /// Left high: refused, or the last byte.
+    /// Left high: byte refused, or last byte.
     Nack,
 }
 
@@ -23,7 +23,7 @@ impl Ack {
     }
 }
 
-/// What has passed on the bus since the chip was made, whether or not it was meant for it.
+/// Counts of the bus traffic since the chip was created, including traffic for other devices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// STARTs after a STOP.
@@ -37,56 +37,56 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// The time all of it takes, in bits: 9 for a byte, 1 for a START and for a STOP.
+    /// Time of this traffic in bits: 9 for a byte, 1 for a START and for a STOP.
     #[must_use]
     pub const fn bit_times(&self) -> u64 {
         self.starts + 9 * self.bytes + self.stops
     }
 }
 
-/// What the chip expects next.
+/// The next byte that the chip expects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Expecting {
-    /// Nothing: it was not addressed, or the access is over.
+    /// None: the chip was not addressed, or the access is over.
     #[default]
     Start,
     /// The register pointer.
     Pointer,
     /// The high byte to write.
     HighByte,
-    /// The low byte to write; this is the high one.
+    /// The low byte to write; holds the high byte.
     LowByte(u8),
-    /// No more: both bytes are written.
+    /// None: both bytes are written.
     NoByte,
-    /// To send the high byte.
+    /// The chip sends the high byte next.
     SendHigh,
-    /// To send this low byte.
+    /// The chip sends this low byte next.
     SendLow(u8),
-    /// Both bytes are sent.
+    /// The chip has sent both bytes.
     SendMore,
-    /// Nothing: the master has refused the low byte.
+    /// None: the master has refused the low byte.
     CutShort,
 }
 
-/// The state of the chip's side of the bus.
+/// State of the chip's side of the bus.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Link {
     expecting: Expecting,
-    /// The register pointer, which outlives the transaction.
+    /// Register pointer, kept between transactions.
     pointer: u8,
     in_transaction: bool,
-    /// Bytes of this transaction that the chip has taken or sent, addresses included.
+    /// Bytes of this transaction that the chip has received or sent, addresses included.
     bytes: u32,
     sent: u32,
     written: u32,
     pointers: u32,
-    /// An earlier access was broken off: every byte is a bit late.
+    /// Whether an earlier access was broken off, so that every byte is one bit late.
     slipped: bool,
     slips_next: bool,
 }
 
 impl Link {
-    /// The chip forgets; what passes on the wires goes on.
+    /// Resets the chip's side after a loss of power; the traffic on the wires continues.
     pub(crate) fn lose_power(&mut self) {
         *self = Self {
             in_transaction: self.in_transaction,
@@ -96,11 +96,12 @@ impl Link {
 }
 
 impl<S: Sensors> Chip<S> {
-    /// START, or repeated START, with the address byte: seven bits of address, and 1 to read.
+    /// Handles a START or repeated START with its address byte: seven bits of address, and 1 to
+    /// read.
     ///
-    /// `time` is that of the ninth clock, where the acknowledge falls. This and its fellows are the
-    /// chip's side of the wires, for a bus or an emulated microcontroller that keeps its own time;
-    /// [`crate::Bus`] is one.
+    /// `time` is that of the ninth clock, the acknowledge bit. This method, `write`, `read` and
+    /// `stop` are the chip's side of the wires, for a bus or an emulated microcontroller that keeps
+    /// its own time; [`crate::Bus`] uses them.
     pub fn start(&mut self, time: Time, address_byte: u8) -> Ack {
         self.advance_to(time);
         self.break_off(true);
@@ -120,8 +121,8 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// A byte from the master; `time` is that of its ninth clock. A register changes with the second
-    /// of its bytes.
+    /// Receives a byte from the master; `time` is that of its ninth clock. The second byte of a
+    /// register changes the register.
     pub fn write(&mut self, time: Time, byte: u8) -> Ack {
         self.advance_to(time);
         self.traffic.bytes += 1;
@@ -139,8 +140,9 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// A byte to the master, which answers it with `ack`; `time` is that of its first clock, when the
-    /// chip must know it. What a read takes away goes with the first byte of the register.
+    /// Sends a byte to the master, which answers with `ack`; `time` is that of its first clock, by
+    /// which the chip must know the byte. The effects of a register read occur with the first byte
+    /// of the register.
     pub fn read(&mut self, time: Time, ack: Ack) -> u8 {
         self.advance_to(time);
         self.traffic.bytes += 1;
@@ -170,7 +172,7 @@ impl<S: Sensors> Chip<S> {
         byte
     }
 
-    /// STOP.
+    /// Handles a STOP.
     pub fn stop(&mut self, time: Time) {
         self.advance_to(time);
         self.break_off(true);
@@ -183,8 +185,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Until when the chip, or what is stuck to its line, holds SDA low outside of a transfer;
-    /// [`Time::MAX`] if there is no end to it, nothing if the line is free.
+    /// Time until which the chip, or a stuck line, holds SDA low outside of a transfer;
+    /// [`Time::MAX`] if without end, `None` if the line is free.
     pub fn sda_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         let is_stuck = |fault: &ChipFault| matches!(fault, ChipFault::SdaStuck { .. });
@@ -196,15 +198,15 @@ impl<S: Sensors> Chip<S> {
         self.sda_held_until(time).is_some()
     }
 
-    /// Until when SCL is held low, as [`Chip::sda_held_until`]. The chip itself never stretches the
-    /// clock (datasheet 7.5.1).
+    /// Time until which SCL is held low, with the same special values as [`Chip::sda_held_until`].
+    /// The chip itself never stretches the clock (datasheet 7.5.1).
     pub fn scl_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         self.faults
             .lasts_until(|fault| matches!(fault, ChipFault::SclStuck))
     }
 
-    /// Pulses of SCL outside of a transaction, as a master sends to free SDA.
+    /// Receives SCL pulses outside of a transaction, as a master sends them to free SDA.
     pub fn clock_pulses(&mut self, time: Time, pulses: u32) {
         self.advance_to(time);
         self.faults.clock_pulses(pulses, self.now);
@@ -216,7 +218,7 @@ impl<S: Sensors> Chip<S> {
             .any(|fault| matches!(fault, ChipFault::SdaStuck { .. }))
     }
 
-    /// Whether the chip can take part in a transfer at all.
+    /// Whether the chip can take part in transfers.
     fn answers(&self) -> bool {
         let is_silenced = self.faults.active().any(|fault| {
             matches!(
@@ -255,7 +257,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Takes one byte of a write.
+    /// Handles one byte of a write.
     fn take(&mut self, byte: u8) {
         let byte = if self.link.slipped { byte >> 1 } else { byte };
         self.link.expecting = match self.link.expecting {
@@ -285,7 +287,7 @@ impl<S: Sensors> Chip<S> {
         self.faults.distort(Path::WriteData, index, byte)
     }
 
-    /// The next byte that the chip sends, if it sends any.
+    /// The next byte that the chip sends; `None` if it sends none.
     fn next_byte(&mut self) -> Option<u8> {
         let (byte, expecting) = match self.link.expecting {
             Expecting::SendHigh => self.fetch(),
@@ -309,7 +311,7 @@ impl<S: Sensors> Chip<S> {
         (high, Expecting::SendLow(low))
     }
 
-    /// Counts a byte that has passed; a forged STOP may follow it.
+    /// Counts a byte; a forged STOP may follow it.
     fn count_byte(&mut self) {
         self.link.bytes = self.link.bytes.saturating_add(1);
         let bytes = self.link.bytes;
@@ -322,7 +324,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Ends the access under way. Between the two bytes of a register that is an early termination.
+    /// Ends the current access. Between the two bytes of a register this is an early termination.
     fn break_off(&mut self, by_master: bool) {
         let is_early = matches!(
             self.link.expecting,
@@ -337,7 +339,7 @@ impl<S: Sensors> Chip<S> {
         self.link.expecting = Expecting::Start;
     }
 
-    /// What a broken-off access leaves behind: a half-written register and a slipped bit.
+    /// Applies the effects of a broken-off access: a half-written register and a slipped bit.
     fn garble(&mut self) {
         self.link.slips_next = true;
         if let Expecting::LowByte(high) = self.link.expecting {

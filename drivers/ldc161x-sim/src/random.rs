@@ -1,8 +1,9 @@
-//! The model's own source of chance.
+//! The model's own random number generator.
 //!
-//! SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014)
-//! instead of a crate: a recorded run must give the same bytes in ten years, and crates of random
-//! numbers do not promise that across versions. Its period, 2⁶⁴, and its statistics are ample here.
+//! SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators",
+//! OOPSLA 2014) instead of a crate: a recorded run must give the same bytes in ten years, and
+//! random number crates do not guarantee that across versions. Its period, 2⁶⁴, and its statistics
+//! suffice here.
 
 const INCREMENT: u64 = 0x9E37_79B9_7F4A_7C15;
 
@@ -11,7 +12,8 @@ const INCREMENT: u64 = 0x9E37_79B9_7F4A_7C15;
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// A stream of its own for each `stream`, so that a fault draws nothing from the noise.
+    /// Creates a separate stream for each `stream`, so that faults do not draw numbers from the
+    /// noise.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut mixed = Self(seed ^ stream.wrapping_mul(0xD1B5_4A32_D192_ED03));
         let start = mixed.next();

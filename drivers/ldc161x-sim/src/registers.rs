@@ -1,9 +1,9 @@
 //! The register file, transcribed from datasheet SNOSCY9A section 7.6.
 
-/// Addresses of the registers; those of four channels are bases to which the channel is added
-/// (twice the channel for the two halves of a result).
+/// Addresses of the registers. For registers of the four channels it is the base address, to which
+/// the channel is added (twice the channel for the two halves of a result).
 pub mod address {
-    /// DATA0_MSB; the halves of the four results alternate from here to 0x07.
+    /// DATA0_MSB; the halves of the four results alternate from this address to 0x07.
     pub const DATA: u8 = 0x00;
     /// RCOUNT0.
     pub const RCOUNT: u8 = 0x08;
@@ -31,20 +31,20 @@ pub mod address {
     pub const DEVICE_ID: u8 = 0x7F;
 }
 
-/// What the datasheet says of one register.
+/// Datasheet description of one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Register {
-    /// Its address on the bus.
+    /// Address on the bus.
     pub address: u8,
-    /// Its name in the datasheet's table of registers.
+    /// Name in the datasheet's table of registers.
     pub name: &'static str,
-    /// Its value after power-up, reset or shutdown.
+    /// Value after power-up, reset or shutdown.
     pub reset: u16,
-    /// The bits that a write changes ("R/W" in the datasheet, reserved ones included).
+    /// Bits that a write changes ("R/W" in the datasheet, reserved ones included).
     pub writable: u16,
-    /// The reserved bits, which "must be written only with indicated value".
+    /// Reserved bits, which "must be written only with indicated value".
     pub reserved: u16,
-    /// That value, within `reserved`.
+    /// Required value of the reserved bits.
     pub required: u16,
 }
 
@@ -78,8 +78,8 @@ const fn reserving(register: Register, reserved: u16, required: u16) -> Register
     }
 }
 
-/// Bits 10:6, INIT_IDRIVEx, are read-only and to be written zero. The tables of channels 1 to 3
-/// give no access for bits 5:0, so that a write does not reach them there.
+/// Bits 10:6, INIT_IDRIVEx, are read-only and must be written zero. The tables of channels 1 to 3
+/// give no access for bits 5:0, so a write does not change them there.
 const fn drive_current(address: u8, name: &'static str, writable: u16) -> Register {
     Register {
         address,
@@ -91,7 +91,7 @@ const fn drive_current(address: u8, name: &'static str, writable: u16) -> Regist
     }
 }
 
-/// Every register that exists, in order of address (datasheet figure 14 and tables 1 to 35).
+/// All registers in order of address (datasheet figure 14 and tables 1 to 35).
 pub const REGISTERS: [Register; 35] = [
     read_only(0x00, "DATA0_MSB", 0x0000),
     read_only(0x01, "DATA0_LSB", 0x0000),
@@ -130,7 +130,7 @@ pub const REGISTERS: [Register; 35] = [
     read_only(0x7F, "DEVICE_ID", 0x3055),
 ];
 
-/// The register at an address, if there is one.
+/// Description of the register at an address; `None` if there is none.
 #[must_use]
 pub fn describe(address: u8) -> Option<&'static Register> {
     REGISTERS
@@ -138,10 +138,11 @@ pub fn describe(address: u8) -> Option<&'static Register> {
         .find(|register| register.address == address)
 }
 
-/// Registers up to the last DRIVE_CURRENT are stored; results, STATUS and identities are not here.
+/// Number of stored registers, up to the last DRIVE_CURRENT; results, STATUS and identities are not
+/// stored here.
 const STORED: usize = 0x22;
 
-/// The stored registers: all that can be written.
+/// The stored registers: all writable ones.
 #[derive(Clone, Debug)]
 pub(crate) struct RegisterFile([u16; STORED]);
 
@@ -158,14 +159,14 @@ impl RegisterFile {
         self.0.get(usize::from(address)).copied().unwrap_or(0)
     }
 
-    /// Changes a register without regard to what a write could reach.
+    /// Sets a register, including bits that a write does not change.
     pub(crate) fn set(&mut self, address: u8, value: u16) {
         if let Some(word) = self.0.get_mut(usize::from(address)) {
             *word = value;
         }
     }
 
-    /// Changes the bits of a register that a write reaches.
+    /// Writes a register: changes its writable bits.
     pub(crate) fn write(&mut self, register: &Register, value: u16) {
         let kept = self.get(register.address) & !register.writable;
         self.set(register.address, kept | (value & register.writable));
@@ -183,8 +184,8 @@ impl RegisterFile {
         self.of_channel(address::OFFSET, channel)
     }
 
-    /// Length of the sensor activation in reference clocks: 16 SETTLECOUNT, but never below 32
-    /// (datasheet table 17).
+    /// Length of the sensor activation in reference clocks: 16 SETTLECOUNT, at least 32 (datasheet
+    /// table 17).
     pub(crate) fn settle_clocks(&self, channel: u8) -> f64 {
         16.0 * f64::from(self.settle_count(channel).max(2))
     }
@@ -208,7 +209,7 @@ impl RegisterFile {
         (self.of_channel(address::DRIVE_CURRENT, channel) >> 11) as u8
     }
 
-    /// Shows the outcome of the amplitude calibration in INIT_IDRIVEx.
+    /// Stores the result of the amplitude calibration in INIT_IDRIVEx.
     pub(crate) fn show_initial_drive(&mut self, channel: u8, code: u8) {
         let address = address::DRIVE_CURRENT.saturating_add(channel);
         let others = self.get(address) & !0x07C0;
@@ -271,7 +272,7 @@ impl Mux {
         self.0 & 0x8000 != 0
     }
 
-    /// The last channel of the sequence, which always begins at channel 0.
+    /// The last channel of the sequence, which always starts at channel 0.
     pub(crate) const fn last_channel(self) -> u8 {
         match (self.0 >> 13) & 3 {
             0b01 => 2,

@@ -1,4 +1,4 @@
-//! Results, STATUS and INTB: what the chip reports, and what a read clears.
+//! Results, STATUS and INTB: reporting, and clearing by reads.
 
 use crate::conversion::TrueConversion;
 use crate::errors::Errors;
@@ -7,7 +7,7 @@ use crate::switches::{
 };
 use crate::time::Time;
 
-/// The number of channels of an LDC1614.
+/// Number of channels of an LDC1614.
 pub const CHANNELS: usize = 4;
 
 /// DRDY_2INT in ERROR_CONFIG.
@@ -17,12 +17,12 @@ const DATA_READY: u16 = 1 << 6;
 /// The error flags in DATAx_MSB.
 const FLAGS: u16 = 0xF000;
 
-/// What a conversion leaves for DATAx.
+/// Contribution of a conversion to DATAx.
 #[derive(Clone, Copy, Debug)]
 struct ConversionResult {
-    /// Upper and lower half, flags and all.
+    /// Upper and lower half, including flags.
     halves: (u16, u16),
-    /// Nothing if it was aborted.
+    /// `None` if the conversion was aborted.
     conversion: Option<TrueConversion>,
 }
 
@@ -31,19 +31,19 @@ struct ConversionResult {
 struct ChannelRegisters {
     /// Newest result with its flags.
     shadow: (u16, u16),
-    /// Low half as latched by the last read of the high one.
+    /// Low half, latched by the last read of the high half.
     latched_lsb: u16,
     /// UNREADCONVx.
     unread: bool,
-    /// The result in the shadow has not been read, whatever UNREADCONVx says.
+    /// Whether the result in the shadow has not been read, whatever UNREADCONVx says.
     waiting: bool,
     finished: u64,
     overwritten: u64,
     newest: Option<TrueConversion>,
-    /// The conversion that is in the shadow.
+    /// The conversion in the shadow.
     shown: Option<TrueConversion>,
     last_read: Option<TrueConversion>,
-    /// Waits for the end of the autoscan cycle.
+    /// A result that waits for the end of the autoscan cycle.
     pending: Option<ConversionResult>,
 }
 
@@ -66,20 +66,20 @@ impl ChannelRegisters {
     }
 }
 
-/// Everything that conversions leave behind.
+/// All results and reports of conversions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Results {
     channels: [ChannelRegisters; CHANNELS],
     errors: Errors,
     error_channel: u8,
     data_ready: bool,
-    /// INTB is asserted, unless CONFIG.INTB_DIS holds the pin high.
+    /// Whether INTB is asserted, unless CONFIG.INTB_DIS keeps the pin high.
     interrupt: bool,
     falling_edges: u64,
     last_fall: Option<Time>,
 }
 
-/// How events are to be reported.
+/// Settings for the reporting of events.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reporting {
     pub(crate) error_config: u16,
@@ -90,8 +90,8 @@ pub(crate) struct Reporting {
 }
 
 impl Results {
-    /// Sleep, shutdown and reset clear results, errors and INTB (7.4.2, 8.1.9); the ground truth and
-    /// its counters stay.
+    /// Clears results, errors and INTB, as sleep, shutdown and reset do (7.4.2, 8.1.9); the ground
+    /// truth and its counters stay.
     pub(crate) fn clear(&mut self) {
         for channel in &mut self.channels {
             channel.shadow = (0, 0);
@@ -106,7 +106,7 @@ impl Results {
         self.interrupt = false;
     }
 
-    /// Takes a finished conversion for DATAx of its channel and reports its errors.
+    /// Stores a finished conversion in DATAx of its channel and reports its errors.
     pub(crate) fn finish(&mut self, mut conversion: TrueConversion, reporting: Reporting) {
         let errors = conversion.errors;
         let Some(channel) = self.channels.get_mut(usize::from(conversion.channel)) else {
@@ -123,7 +123,7 @@ impl Results {
         self.report(conversion.channel, errors, reporting);
     }
 
-    /// A conversion without a result: data are invalid, and nothing is there to be read
+    /// Reports a conversion without a result: its data are invalid and there is nothing to read
     /// (SNOA959 3.3 and its table 2: the word is zero).
     pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
@@ -136,7 +136,7 @@ impl Results {
         self.report(channel, errors, reporting);
     }
 
-    /// All channels of the sequence have new results.
+    /// Reports that all channels of the sequence have new results.
     pub(crate) fn sequence_done(&mut self, reporting: Reporting) {
         for channel in &mut self.channels {
             if let Some(outcome) = channel.pending.take() {
@@ -150,8 +150,8 @@ impl Results {
         }
     }
 
-    /// STATUS keeps the first channel with an error; what other channels report until it is read is
-    /// lost (SNOA959 1.2).
+    /// Reports errors in STATUS. It keeps the first channel with an error; errors of other channels
+    /// are lost until it is read (SNOA959 1.2).
     fn report(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         let enabled = errors.to_interrupt(reporting.error_config);
         let shown = match reporting.status {
@@ -177,7 +177,7 @@ impl Results {
         self.interrupt = true;
     }
 
-    /// STATUS as it stands.
+    /// Current value of STATUS.
     pub(crate) fn status(&self) -> u16 {
         let unread = (0_u16..)
             .zip(&self.channels)
@@ -189,7 +189,7 @@ impl Results {
             | unread
     }
 
-    /// What a read of STATUS takes away.
+    /// Applies the clearing effects of a read of STATUS.
     pub(crate) fn status_was_read(&mut self, switches: &Switches) {
         self.forget_errors();
         self.data_ready = false;
@@ -206,12 +206,12 @@ impl Results {
         self.error_channel = 0;
     }
 
-    /// DATAx_MSB as it would be read.
+    /// Value that a read of DATAx_MSB returns.
     pub(crate) fn msb(&self, channel: u8) -> u16 {
         self.channel(channel).map_or(0, |channel| channel.shadow.0)
     }
 
-    /// DATAx_LSB as it would be read.
+    /// Value that a read of DATAx_LSB returns.
     pub(crate) fn lsb(&self, channel: u8, latch: ShadowLatch) -> u16 {
         self.channel(channel).map_or(0, |channel| match latch {
             ShadowLatch::OnMsbRead => channel.latched_lsb,
@@ -219,7 +219,7 @@ impl Results {
         })
     }
 
-    /// What a read of DATAx_MSB latches and takes away.
+    /// Applies the latching and clearing effects of a read of DATAx_MSB.
     pub(crate) fn msb_was_read(&mut self, channel: u8, switches: &Switches) {
         let index = channel;
         let Some(channel) = self.channels.get_mut(usize::from(index)) else {
@@ -275,7 +275,7 @@ impl Results {
     }
 }
 
-/// A word and its flags as DATAx_MSB and DATAx_LSB.
+/// Splits a word and its flags into DATAx_MSB and DATAx_LSB.
 fn halves(word: u32, flags: u16) -> (u16, u16) {
     let upper = (word >> 16) as u16 & !FLAGS;
     (upper | flags, word as u16)

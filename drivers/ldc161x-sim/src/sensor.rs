@@ -1,18 +1,18 @@
-//! What is connected to the chip's inputs: the oscillating coils.
+//! The oscillating coils at the chip's inputs.
 
 use core::f64::consts::PI;
 
 /// The resonators on channels 0 to 3, as functions of time.
 ///
-/// The model asks for moments of the conversion that has just ended, so at most one conversion (and
-/// its settling) back from the present, and never for the future. It may ask for the same moment
-/// more than once and in any order within a conversion.
+/// The model only queries times within the conversion that has just ended, so at most one
+/// conversion (and its settling) before the present, and never in the future. It may query the same
+/// time more than once and in any order within a conversion.
 ///
 /// Implemented for closures `Fn(channel, time_s) -> frequency_hz`, for arrays of fixed frequencies
 /// and for arrays of [`Tank`]s; a channel beyond the end of an array does not oscillate.
 pub trait Sensors {
-    /// Free-running frequency of the resonator, Hz, 1 kHz to 10 MHz in use. Zero, negative or NaN:
-    /// it does not oscillate.
+    /// Free-running frequency of the resonator, Hz, 1 kHz to 10 MHz in use. Zero, negative or NaN
+    /// means that it does not oscillate.
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64;
 
     /// Parallel loss resistance RP at the resonance, ohm, 1 kΩ to 90 kΩ in use (datasheet 8.1.2).
@@ -21,30 +21,31 @@ pub trait Sensors {
         3_000.0
     }
 
-    /// Quality factor; it sets how long the oscillation takes to settle (datasheet equations 10, 11).
+    /// Quality factor; it determines how long the oscillation takes to settle (datasheet
+    /// equations 10, 11).
     fn quality_factor(&self, channel: usize, time_s: f64) -> f64 {
         let _ = (channel, time_s);
         25.0
     }
 
-    /// Cycles by which something from outside pulls the oscillation on (or back) during a
-    /// conversion, beyond those of its own mean frequency: an interferer near the resonance, whose
-    /// beat is too fast for the few moments at which [`frequency_hz`](Self::frequency_hz) is asked.
-    /// Asked once for each conversion, in the order of time.
+    /// Cycles by which an external disturbance pulls the oscillation forwards (or backwards) during
+    /// a conversion, beyond the cycles of its own mean frequency: an interferer near the resonance,
+    /// whose beat is too fast for the few times at which [`frequency_hz`](Self::frequency_hz) is
+    /// queried. Called once for each conversion, in order of time.
     fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
         let _ = (channel, window);
         0.0
     }
 }
 
-/// A conversion's window, as [`Sensors::pulled_cycles`] receives it.
+/// The time window of a conversion, as given to [`Sensors::pulled_cycles`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Its beginning, s.
+    /// Start, s.
     pub start_s: f64,
-    /// Its length, s.
+    /// Length, s.
     pub length_s: f64,
-    /// Mean frequency of the oscillation if nothing pulls it, Hz.
+    /// Mean frequency of the oscillation without pulling, Hz.
     pub free_hz: f64,
 }
 
@@ -75,21 +76,21 @@ impl<const N: usize> Sensors for [f64; N] {
 pub struct Tank {
     /// Inductance L, henry.
     pub inductance_h: f64,
-    /// Capacitance C with the board's and the pin's, farad.
+    /// Capacitance C, including that of board and pin, farad.
     pub capacitance_f: f64,
     /// Parallel loss resistance RP at the resonance, ohm.
     pub parallel_resistance_ohm: f64,
 }
 
 impl Tank {
-    /// 1 / (2π √(LC)), Hz (datasheet equation 1 without its terms in 1/Q² and in the comparator's
-    /// delay, both below 2·10⁻³ at Q > 25 and constant).
+    /// Resonance frequency 1 / (2π √(LC)), Hz (datasheet equation 1 without its terms in 1/Q² and
+    /// in the comparator's delay, both below 2·10⁻³ at Q > 25 and constant).
     #[must_use]
     pub fn frequency_hz(&self) -> f64 {
         1.0 / (2.0 * PI * libm::sqrt(self.inductance_h * self.capacitance_f))
     }
 
-    /// RP √(C/L) (datasheet equation 11).
+    /// Quality factor RP √(C/L) (datasheet equation 11).
     #[must_use]
     pub fn quality_factor(&self) -> f64 {
         self.parallel_resistance_ohm * libm::sqrt(self.capacitance_f / self.inductance_h)

@@ -13,27 +13,27 @@ use crate::settings::PartNumber;
 use crate::switches::SleepExit;
 use crate::time::{Moment, Time};
 
-/// The watchdog takes slower oscillations for none (SNOA959 3.3).
+/// Frequency below which the watchdog sees no oscillation, Hz (SNOA959 3.3).
 const SLOWEST_SENSOR_HZ: f64 = 250.0;
-/// Code of the largest current, which full-current activation drives (datasheet 8.1.4.2).
+/// Code of the largest current, used by full-current activation (datasheet 8.1.4.2).
 const FULL_CURRENT_CODE: u8 = 31;
 
-/// What the chip is about.
+/// Current step of the schedule.
 #[derive(Clone, Copy, Debug)]
 enum SequenceStep {
     /// Asleep, shut down or without supply.
     Idle,
     /// The 16 384 periods of the internal oscillator after sleep.
     StartUp,
-    /// A channel's oscillation builds up.
+    /// The oscillation of a channel builds up.
     Activation,
     /// A channel is counted.
     Conversion(Gate),
-    /// Between a conversion and what follows it.
+    /// Pause between a conversion and the next step.
     Pause,
 }
 
-/// Where the chip is in its schedule.
+/// State of the schedule.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     step: SequenceStep,
@@ -44,9 +44,9 @@ pub(crate) struct Sequence {
     settled: Moment,
     /// Phase of the divided sensor signal, cycles.
     phase: f64,
-    /// When the watchdog barks, unless it learns of an oscillation and a reference before.
+    /// Time at which the watchdog acts, unless it sees an oscillation and a reference before.
     watchdog: Moment,
-    /// What the amplitude calibration has found since the chip left sleep.
+    /// Codes that the amplitude calibration has found since the chip left sleep.
     calibrated: [Option<u8>; CHANNELS],
 }
 
@@ -65,14 +65,14 @@ impl Sequence {
         }
     }
 
-    /// Stops; the next start calibrates anew.
+    /// Stops; the next start calibrates again.
     pub(crate) fn halt(&mut self) {
         self.step = SequenceStep::Idle;
         self.ends = Moment::NEVER;
         self.calibrated = [None; CHANNELS];
     }
 
-    /// A write has come amid a conversion.
+    /// Records a register write during a conversion.
     pub(crate) fn disturb(&mut self) {
         if let SequenceStep::Conversion(gate) = &mut self.step {
             gate.disturbed = true;
@@ -90,13 +90,13 @@ impl Sequence {
 }
 
 impl<S: Sensors> Chip<S> {
-    /// When the schedule next needs attention.
+    /// Time at which the schedule next needs attention.
     pub(crate) fn sequence_due(&self) -> Moment {
         self.sequence.ends.earlier_of(self.watchdog_due())
     }
 
-    /// The watchdog watches the sensor in single-channel mode (SNOA959 3.3). In autoscan the same
-    /// timer only frees the sequence from a stopped reference (guess).
+    /// Time at which the watchdog acts. It monitors the sensor in single-channel mode (SNOA959
+    /// 3.3). In autoscan the same timer only frees the sequence from a stopped reference (guess).
     fn watchdog_due(&self) -> Moment {
         let watched = !self.registers.mux().autoscan() || self.sequence.ends.is_never();
         if self.sequence.measures() && watched {
@@ -106,12 +106,12 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The sensor oscillates and the reference runs.
+    /// Restarts the watchdog, since the sensor oscillates and the reference runs.
     fn feed_watchdog(&mut self, at: Moment) {
         self.sequence.watchdog = at.after(self.settings.watchdog());
     }
 
-    /// Does what is due.
+    /// Executes the step that is due.
     pub(crate) fn advance_sequence(&mut self) {
         let ends = self.sequence.ends;
         let watchdog = self.watchdog_due();
@@ -141,14 +141,15 @@ impl<S: Sensors> Chip<S> {
         self.sequence.enter(SequenceStep::StartUp, ends);
     }
 
-    /// Begins the channel under way anew: its reference has come or gone, or time has been skipped.
+    /// Restarts the current channel: its reference has started or stopped, or time has been
+    /// skipped.
     pub(crate) fn restart_channel(&mut self) {
         if self.sequence.measures() {
             self.activate(self.sequence.channel, Moment::at(self.now));
         }
     }
 
-    /// The channel that single-channel mode measures.
+    /// The channel that single-channel mode converts.
     fn active_channel(&self) -> u8 {
         let channel = self.registers.config().active_channel();
         match self.settings.part {
@@ -157,7 +158,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The last channel of the sequence, or the only one.
+    /// The last channel of the sequence, or the single channel.
     fn last_channel(&self) -> u8 {
         let mux = self.registers.mux();
         match (mux.autoscan(), self.settings.part) {
@@ -176,8 +177,8 @@ impl<S: Sensors> Chip<S> {
         self.activate(channel, at);
     }
 
-    /// After a pause: autoscan activates the next channel; a single channel oscillates on and is
-    /// converted again (datasheet figures 53 and 54).
+    /// Continues after a pause: autoscan activates the next channel; a single channel keeps
+    /// oscillating and is converted again (datasheet figures 53 and 54).
     fn next_channel(&mut self, at: Moment) {
         let channel = self.sequence.channel;
         if self.registers.mux().autoscan() {
@@ -194,8 +195,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Lets the oscillation of a channel build up. Its phase against the reference is chance: the
-    /// two clocks know nothing of each other.
+    /// Activates a channel, so that its oscillation builds up. Its phase against the reference is
+    /// random, since the two clocks are independent.
     fn activate(&mut self, channel: u8, at: Moment) {
         self.calibrate(channel, at);
         let reference_hz = self.reference_hz(channel, at);
@@ -254,7 +255,8 @@ impl<S: Sensors> Chip<S> {
         self.pause(at, gate, conversion.oscillation_hz);
     }
 
-    /// In single-channel mode the sensor oscillates on during the pause, and so does its phase.
+    /// Starts the pause. In single-channel mode the sensor keeps oscillating during it, so its
+    /// phase advances.
     fn pause(&mut self, at: Moment, gate: &Gate, oscillation_hz: f64) {
         let length = if self.registers.mux().autoscan() {
             self.settings.conversions.switch_delay
@@ -271,7 +273,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The watchdog's time has passed: has it been silent?
+    /// Handles the watchdog's timeout: checks whether the sensor has been silent.
     fn watch(&mut self, at: Moment) {
         let channel = self.sequence.channel;
         if self.reference_hz(channel, at) > 0.0 && self.oscillates(channel, at) {
@@ -296,7 +298,7 @@ impl<S: Sensors> Chip<S> {
             && settled_v >= self.settings.drive.least_amplitude_v
     }
 
-    /// True reference frequency of a channel, Hz; zero when it stands still because its source is
+    /// True reference frequency of a channel, Hz; zero if it stands still because its source is
     /// missing or its divider is the reserved zero.
     pub(crate) fn reference_hz(&self, channel: u8, at: Moment) -> f64 {
         let source_hz = if self.registers.config().external_clock() {
@@ -314,7 +316,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Amplitude of a channel's oscillation now and once it has settled, V.
+    /// Amplitude of a channel's oscillation at `at` and after settling, V.
     fn amplitude(&self, channel: u8, at: Moment) -> (f64, f64) {
         let index = usize::from(channel);
         let seconds = at.seconds();
@@ -340,7 +342,7 @@ impl<S: Sensors> Chip<S> {
         )
     }
 
-    /// The drive code in use: IDRIVEx with RP_OVERRIDE_EN, else what the calibration has found.
+    /// Drive code in use: IDRIVEx with RP_OVERRIDE_EN, otherwise the calibrated code.
     fn drive_code(&self, channel: u8) -> u8 {
         let programmed = self.registers.drive_code(channel);
         if self.registers.config().overrides_rp() {
@@ -349,7 +351,7 @@ impl<S: Sensors> Chip<S> {
         self.calibrated(channel).unwrap_or(programmed)
     }
 
-    /// The drive current in use, ampere.
+    /// Drive current in use, A.
     fn drive_a(&self, channel: u8) -> f64 {
         let high = self.registers.config().high_current() && !self.registers.mux().autoscan();
         if high && channel == 0 {
@@ -374,7 +376,7 @@ impl<S: Sensors> Chip<S> {
         self.registers.show_initial_drive(channel, code);
     }
 
-    /// The amplitude calibration at the first activation after sleep (datasheet 8.1.5.2). That it
+    /// Calibrates the amplitude at the first activation after sleep (datasheet 8.1.5.2). That it
     /// takes no time of its own is a guess.
     fn calibrate(&mut self, channel: u8, at: Moment) {
         let config = self.registers.config();
@@ -387,8 +389,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The amplitude correction after a conversion (datasheet 8.1.5.4). With RP_OVERRIDE_EN the
-    /// current stays as programmed, and so does what INIT_IDRIVEx shows.
+    /// Corrects the amplitude after a conversion (datasheet 8.1.5.4). With RP_OVERRIDE_EN the
+    /// current stays as programmed, and so does INIT_IDRIVEx.
     fn correct_amplitude(&mut self, channel: u8, amplitude_v: f64) {
         let config = self.registers.config();
         if config.overrides_rp() || !config.amplitude_correction() {
@@ -399,9 +401,9 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Counts what the datasheet forbids (sections 8.1.5.5 and 8.1.6, table 43).
+    /// Counts violations of the datasheet (sections 8.1.5.5 and 8.1.6, table 43).
     fn judge(&mut self, gate: &Gate, conversion: &TrueConversion) {
-        // a clock may be off by its tolerance without breaking a rule
+        // a clock may be off by its tolerance without violating a rule
         const TOLERANCE: f64 = 1.001;
         let config = self.registers.config();
         let autoscan = self.registers.mux().autoscan();

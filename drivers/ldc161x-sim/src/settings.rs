@@ -1,10 +1,10 @@
-//! The parameters of one simulated chip and its surroundings.
+//! Parameters of one simulated chip and its surroundings.
 
 use crate::counter::{Core, StartUp};
 use crate::switches::{Overhead, Switches};
 use crate::time::Time;
 
-/// Which chip it is. Both answer with the same identity.
+/// Chip type. Both answer with the same identity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PartNumber {
@@ -20,16 +20,16 @@ pub enum PartNumber {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ExternalClock {
-    /// Nominal frequency, Hz; 2 MHz to 40 MHz by the datasheet (6.5).
+    /// Nominal frequency, Hz; 2 MHz to 40 MHz (datasheet 6.5).
     pub frequency_hz: f64,
-    /// How far the true frequency is off at time zero, relative (1e-6 is one part per million).
+    /// Relative error of the frequency at time zero (1e-6 is one part per million).
     pub relative_error: f64,
-    /// How fast that changes, relative per second.
+    /// Rate of change of the relative error, 1/s.
     pub drift_per_s: f64,
 }
 
 impl ExternalClock {
-    /// A perfect clock.
+    /// An exact clock without drift.
     #[must_use]
     pub const fn exact(frequency_hz: f64) -> Self {
         Self {
@@ -51,7 +51,7 @@ impl ExternalClock {
 pub struct InternalClock {
     /// True frequency at 25 °C, Hz: 35 MHz to 55 MHz, typically 43.4 MHz (datasheet 6.5).
     pub frequency_hz: f64,
-    /// Its temperature coefficient, relative per kelvin: −13·10⁻⁶ in the mean (datasheet 6.5).
+    /// Temperature coefficient, relative per kelvin: −13·10⁻⁶ in the mean (datasheet 6.5).
     pub relative_per_kelvin: f64,
 }
 
@@ -70,23 +70,23 @@ impl Default for InternalClock {
     }
 }
 
-/// How the core counts and how quietly.
+/// Counting and noise of conversions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct Conversions {
     /// Whether words are quotients of whole counts M/N, as in silicon, or the exact ratio.
     pub quantised: bool,
-    /// The beginning of a gate, in which no edge is counted. `None`: what suits the counter of
-    /// [`Switches::counter`] to recorded words.
+    /// The first part of a gate, in which no edge is counted. `None` selects the start-up that fits
+    /// the counter of [`Switches::counter`] to recorded words.
     pub start_up: Option<StartUp>,
-    /// Where in the sensor's period the falling edge comes after the rising one, between 0 and 1,
-    /// for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 alike and an even duty,
-    /// 0.5, less well; the default is 0.2.
+    /// Delay of the falling edge after the rising one, as a share of the sensor's period between 0
+    /// and 1, for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 equally well and an
+    /// even duty, 0.5, less well; the default is 0.2.
     pub falling_edge: f64,
-    /// White noise of the sensor's frequency: standard deviation relative to it in a conversion of
-    /// 1 ms at an amplitude of 1.2 V or more. It scales with 1/√tC, and with 1.2 V over the
-    /// amplitude below. Default 10⁻⁶ (guess; quantisation at 40 MHz and 1 ms is 7·10⁻⁶).
+    /// White noise of the sensor's frequency: relative standard deviation in a conversion of 1 ms
+    /// at an amplitude of 1.2 V or more. It scales with 1/√tC, and below 1.2 V with 1.2 V over the
+    /// amplitude. Default 10⁻⁶ (guess; quantisation at 40 MHz and 1 ms is 7·10⁻⁶).
     pub noise_at_1ms: f64,
     /// Panels of five-point Gauss–Lobatto quadrature over a conversion, 1 to 255: one panel averages
     /// a disturbance of one cycle per panel to 1.4·10⁻³ of its amplitude. Default 2.
@@ -119,7 +119,7 @@ impl Conversions {
     }
 }
 
-/// How the drive and the sensor's amplitude act upon its frequency.
+/// Effects of the drive current and of the amplitude on the sensor's frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
@@ -128,10 +128,10 @@ pub struct SensorDrive {
     /// (datasheet 8.1.5: "an output code offset when the current drive is changed"; its size is a
     /// guess, 2·10⁻⁶).
     pub shift_per_code: f64,
-    /// Relative shift for each volt above 1.8 V, where the input clamps (datasheet 8.1.5; size is a
+    /// Relative shift per volt above 1.8 V, where the input clamps (datasheet 8.1.5; the size is a
     /// guess, −10⁻³).
     pub clamp_shift_per_volt: f64,
-    /// Relative shift when the oscillation has only begun; it falls with the amplitude that is still
+    /// Relative shift at the start of the oscillation; it falls with the amplitude that is still
     /// missing (guess, −10⁻³).
     pub settling_shift: f64,
     /// Amplitude below which the oscillation stops, volt peak: 0.6 V (datasheet 8.1.5) or 0.5 V
@@ -154,7 +154,7 @@ impl Default for SensorDrive {
     }
 }
 
-/// Everything in which one simulated chip differs from another.
+/// All parameters of one simulated chip.
 ///
 /// ```
 /// use ldc161x_sim::{ExternalClock, Settings};
@@ -169,22 +169,22 @@ impl Default for SensorDrive {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct Settings {
-    /// Which chip it is.
+    /// Chip type.
     pub part: PartNumber,
-    /// The level of the ADDR pin: low is address 0x2A, high 0x2B.
+    /// Level of the ADDR pin: low selects address 0x2A, high 0x2B.
     pub address_pin_high: bool,
-    /// Where the chance comes from: equal seeds and equal calls give equal bytes.
+    /// Seed of the random numbers: equal seeds and equal calls give equal bytes.
     pub seed: u64,
     /// Temperature of the chip, °C; it acts on the internal oscillator.
     pub temperature_c: f64,
-    /// The internal oscillator, which times the start-up and the watchdog in any case.
+    /// Internal oscillator; it always times the start-up and the watchdog.
     pub internal_clock: InternalClock,
-    /// The clock at CLKIN, or none if the pin is tied to ground.
+    /// The clock at CLKIN; `None` if the pin is tied to ground.
     pub external_clock: Option<ExternalClock>,
-    /// From SD low, or from the return of the supply, to an answer on the bus: 2 ms at most
+    /// Time from SD low, or from the return of the supply, to an answer on the bus: 2 ms at most
     /// (datasheet 6.5).
     pub wake_up: Time,
-    /// How long the sensor, or the reference, may be silent in single-channel mode before the
+    /// Time for which the sensor, or the reference, may be silent in single-channel mode before the
     /// watchdog acts: 5.2 ms (datasheet 6.5, SNOA959 3.3) at 43.4 MHz, scaled with the true
     /// frequency of the internal oscillator.
     pub watchdog_s: f64,
@@ -192,7 +192,7 @@ pub struct Settings {
     pub conversions: Conversions,
     /// The drive and the amplitude.
     pub drive: SensorDrive,
-    /// What is not settled about the silicon.
+    /// Unsettled properties of the silicon.
     pub switches: Switches,
 }
 
@@ -216,8 +216,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// No noise, no quantisation and no shift by the drive: words are the exact ratio, so that a
-    /// test can compute them by hand. All else is as by default.
+    /// Settings without noise, quantisation and shift by the drive: words are the exact ratio, so
+    /// that a test can compute them by hand. All other settings have their defaults.
     #[must_use]
     pub fn ideal() -> Self {
         Self {
@@ -240,12 +240,12 @@ impl Settings {
         self.internal_clock.at(self.temperature_c)
     }
 
-    /// Length of the watchdog, seconds.
+    /// Time of the watchdog, s.
     pub(crate) fn watchdog(&self) -> f64 {
         self.watchdog_s * 43.4e6 / self.internal_hz()
     }
 
-    /// Length of the start-up after sleep: 16 384 periods of the internal oscillator (7.4.2).
+    /// Length of the start-up after sleep, s: 16 384 periods of the internal oscillator (7.4.2).
     pub(crate) fn start_up(&self) -> f64 {
         16_384.0 / self.internal_hz()
     }

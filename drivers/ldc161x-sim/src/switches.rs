@@ -1,9 +1,9 @@
-//! What is not settled about the silicon, each as a switch.
+//! Unsettled properties of the silicon, each as a switch.
 //!
-//! Sources contradict each other, or are silent. Every such point is an enum here, with both (or
-//! all) positions in its `VARIANTS`, and a driver is right when it works in all of them.
-//! [`Switches::default`] is the position that is hardest on the driver, except where the evidence
-//! against it is strong; those exceptions say so.
+//! Sources contradict each other, or are silent. Every such property is an enum in this module,
+//! with all positions in its `VARIANTS`; a correct driver works in all of them.
+//! [`Switches::default`] selects the position that is hardest for the driver, except where the
+//! evidence against it is strong; those exceptions say so.
 
 /// Which reads release INTB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,16 +22,16 @@ pub enum InterruptRelease {
 pub enum UnreadCleared {
     /// Only the read of that channel's DATAx_MSB (datasheet 8.1.9).
     DataOnly,
-    /// That, or a read of STATUS, which clears all four (SNOA959 2.1; TI in E2E 884830).
+    /// A read of DATAx_MSB or of STATUS, which clears all four (SNOA959 2.1; TI in E2E 884830).
     #[default]
     DataOrStatus,
 }
 
-/// Whether STATUS shows what is not enabled in ERROR_CONFIG.
+/// Whether STATUS shows events that are not enabled in ERROR_CONFIG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum StatusReporting {
-    /// An error or DRDY shows only with its 2INT bit set (datasheet table 26; seen on an LDC1314).
+    /// An error or DRDY shows only if its 2INT bit is set (datasheet table 26; seen on an LDC1314).
     #[default]
     OnlyWhenEnabled,
     /// Always; the 2INT bits govern the pin alone (SNOA959 table 1).
@@ -69,7 +69,7 @@ impl Overhead {
         clocks: 0.0,
         nanoseconds: 0.0,
     };
-    /// All of them, the default first.
+    /// All published overheads, the default first.
     pub const VARIANTS: &'static [Self] = &[
         Self::MEASURED,
         Self::EQUATION_7,
@@ -90,32 +90,32 @@ impl Default for Overhead {
     }
 }
 
-/// What happens to the registers when the chip leaves sleep.
+/// Effect on the registers when the chip leaves sleep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SleepExit {
-    /// They stay (datasheet 7.4.2). Default, though the milder one: in the other position nothing
-    /// can be measured until it has struck.
+    /// The registers keep their values (datasheet 7.4.2). Default, though the milder one: in the
+    /// other position nothing can be measured until it has taken effect.
     #[default]
     Keeps,
-    /// The first time, all return to their reset values and the chip falls asleep again: field
-    /// reports E2E 462858 and 1037151, likely a droop of the supply when the coil starts.
+    /// The first time, all registers return to their reset values and the chip falls asleep again:
+    /// field reports E2E 462858 and 1037151, likely a droop of the supply when the coil starts.
     LosesOnce,
 }
 
-/// How the reserved bits 5:0 of CONFIG read.
+/// Value read from the reserved bits 5:0 of CONFIG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConfigReadback {
-    /// As written, 0x2801 after reset (datasheet table 27). Default, though the milder one: TI calls
-    /// the other impossible, and one customer reports it.
+    /// As written, 0x2801 after reset (datasheet table 27). Default, though the milder one: TI
+    /// calls the other impossible, and only one customer reports it.
     #[default]
     AsWritten,
     /// As zero, 0x2800 after reset (E2E 934126).
     ReservedAsZero,
 }
 
-/// The smallest RCOUNT that converts. Below it a conversion ends on time, but as a zero count.
+/// The smallest RCOUNT that converts. Below it a conversion ends on time, but with a zero count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RcountMinimum {
@@ -135,22 +135,22 @@ impl RcountMinimum {
     }
 }
 
-/// What a write to a configuration register does while the chip converts. CONFIG.SLEEP_MODE_EN = 1
+/// Effect of a write to a configuration register while the chip converts. CONFIG.SLEEP_MODE_EN = 1
 /// and RESET_DEV always work. The datasheet only says to sleep first (7.4.1, 8.2.5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ActiveWrite {
-    /// It is taken and holds from the next conversion on.
+    /// The write is accepted and takes effect from the next conversion on.
     Accepted,
-    /// It is lost.
+    /// The write is lost.
     Ignored,
-    /// It is taken, and the conversion under way counts wrong. Default: eddy-ng changes the drive
-    /// current of a running chip, so writes do arrive.
+    /// The write is accepted, and the current conversion counts wrong. Default: eddy-ng changes the
+    /// drive current of a running chip, so writes do arrive.
     #[default]
     CorruptsConversion,
 }
 
-/// What is read after the two bytes of a register.
+/// Bytes read after the two bytes of a register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BurstRead {
@@ -163,7 +163,7 @@ pub enum BurstRead {
     AutoIncrement,
 }
 
-/// The code of DEGLITCH for 33 MHz. A code that stands for nothing filters at 1 MHz.
+/// Code of DEGLITCH for 33 MHz. An unassigned code filters at 1 MHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Deglitch33 {
@@ -174,26 +174,26 @@ pub enum Deglitch33 {
     Code011,
 }
 
-/// How the core counts; both give words M/N. See "The counter" in the crate's documentation.
+/// Method of counting; both give words M/N. See "The counter" in the crate's documentation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Counter {
     /// Two gates of 16 RCOUNT reference clocks, one on the rising and one on the falling edges of
-    /// the sensor; M and N are the sums. It explains the spread of N in recorded words.
+    /// the sensor; M and N are the sums. This explains the spread of N in recorded words.
     #[default]
     TwoGates,
     /// One gate; half periods of the sensor in half periods of the reference.
     HalfPeriods,
 }
 
-/// Whether reading DATAx_MSB clears the error flags in it.
+/// Whether reading DATAx_MSB clears its error flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FlagRead {
-    /// It does (datasheet tables 1 to 7).
+    /// The flags are cleared (datasheet tables 1 to 7).
     #[default]
     Clears,
-    /// They stay until the next result of that channel.
+    /// The flags stay until the next result of that channel.
     Keeps,
 }
 
@@ -201,34 +201,35 @@ pub enum FlagRead {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ShadowLatch {
-    /// It does: the read of DATAx_MSB latches both halves (datasheet 7.5.3). Default, though the
-    /// milder one: nothing contradicts it.
+    /// The read of DATAx_MSB latches both halves (datasheet 7.5.3). Default, though the milder one:
+    /// nothing contradicts it.
     #[default]
     OnMsbRead,
-    /// DATAx_LSB is always that of the newest result, so a word can be torn.
+    /// DATAx_LSB always belongs to the newest result, so a word can be torn.
     None,
 }
 
-/// When the results of an autoscan cycle reach DATAx. With one channel the two are the same.
+/// When the results of an autoscan cycle reach DATAx. With one channel both are equal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Overwrite {
-    /// Each at the end of its own conversion: channel 0 is overwritten long before INTB falls for the
-    /// cycle, and a frame that is read late mixes two cycles. Default: no source says otherwise.
+    /// Each result at the end of its own conversion: channel 0 is overwritten long before INTB
+    /// falls for the cycle, and a frame that is read late mixes two cycles. Default: no source says
+    /// otherwise.
     #[default]
     ByChannel,
-    /// All at the end of the last conversion, with INTB.
+    /// All results at the end of the last conversion, with INTB.
     ByScan,
 }
 
-/// What a STOP or START within the two bytes of a register does.
+/// Effect of a STOP or START within the two bytes of a register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum EarlyTermination {
-    /// Nothing beyond the loss of that access.
+    /// None beyond the loss of that access.
     Harmless,
     /// A half-done write is stored as the new high byte with the old low one, and in the next
-    /// transaction every byte is slipped by one bit (datasheet 7.5.2: "may corrupt that transaction
+    /// transaction every byte is shifted by one bit (datasheet 7.5.2: "may corrupt that transaction
     /// and/or the following"; the form of it is a guess).
     #[default]
     CorruptsFollowing,
@@ -237,7 +238,7 @@ pub enum EarlyTermination {
 macro_rules! variants {
     ($($kind:ident: [$($variant:ident),+];)+) => {$(
         impl $kind {
-            /// Every position of this switch, the default first.
+            /// All positions of this switch, the default first.
             pub const VARIANTS: &'static [Self] = &[$(Self::$variant),+];
         }
     )+};
@@ -260,7 +261,7 @@ variants! {
     EarlyTermination: [CorruptsFollowing, Harmless];
 }
 
-/// The position of every switch.
+/// Positions of all switches.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
@@ -269,37 +270,37 @@ pub struct Switches {
     pub interrupt_release: InterruptRelease,
     /// Which reads clear UNREADCONVx.
     pub unread_cleared: UnreadCleared,
-    /// Whether STATUS shows what is not enabled.
+    /// Whether STATUS shows events that are not enabled.
     pub status_reporting: StatusReporting,
     /// Time between two conversions on a single channel.
     pub overhead: Overhead,
-    /// What leaving sleep does to the registers.
+    /// Effect on the registers when the chip leaves sleep.
     pub sleep_exit: SleepExit,
-    /// How CONFIG reads.
+    /// Value read from the reserved bits of CONFIG.
     pub config_readback: ConfigReadback,
     /// The smallest RCOUNT that converts.
     pub rcount_minimum: RcountMinimum,
-    /// What a write does while converting.
+    /// Effect of a write while converting.
     pub active_write: ActiveWrite,
-    /// What is read after the two bytes of a register.
+    /// Bytes read after the two bytes of a register.
     pub burst_read: BurstRead,
     /// The code of the widest deglitch filter.
     pub deglitch_33: Deglitch33,
-    /// How the core counts.
+    /// Method of counting.
     pub counter: Counter,
     /// Whether reading clears the flags of a result.
     pub flag_read: FlagRead,
-    /// Whether the halves of a word belong together.
+    /// Whether the two halves of a word belong together.
     pub shadow_latch: ShadowLatch,
     /// When the results of an autoscan cycle reach DATAx.
     pub overwrite: Overwrite,
-    /// What a broken-off access does.
+    /// Effect of a broken-off access.
     pub early_termination: EarlyTermination,
 }
 
 impl Switches {
-    /// The default, followed by every set that differs from it in one switch: what a driver should
-    /// be run through.
+    /// The default, followed by every set that differs from it in one switch. Run a driver through
+    /// all of them.
     ///
     /// ```
     /// use ldc161x_sim::Switches;

@@ -1,4 +1,4 @@
-//! Time of the model: picoseconds, so that no clock of the chip drifts against the wall.
+//! Simulated time in picoseconds, so that no clock of the chip drifts against real time.
 
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
@@ -6,16 +6,16 @@ use core::ops::{Add, AddAssign, Sub};
 /// A point in simulated time, or a length of it, in whole picoseconds.
 ///
 /// Sixty-four bits of picoseconds span 213 days. All arithmetic saturates: a time never wraps and
-/// never panics. A point in time counts from the creation of the chip. With `serde` it is its number of
-/// picoseconds.
+/// never panics. A point in time counts from the creation of the chip. With `serde` it is
+/// serialised as its number of picoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Time(u64);
 
 impl Time {
-    /// The creation of the chip; no time at all.
+    /// The creation of the chip, or a length of zero.
     pub const ZERO: Self = Self(0);
-    /// The largest time that the type holds: further than any test goes.
+    /// The largest time of the type, later than any test runs.
     pub const MAX: Self = Self(u64::MAX);
 
     /// Time from picoseconds.
@@ -66,7 +66,7 @@ impl Time {
         self.0 as f64 / PICOSECONDS
     }
 
-    /// The time times a whole number.
+    /// The time multiplied by a whole number.
     #[must_use]
     pub const fn times(self, factor: u64) -> Self {
         Self(self.0.saturating_mul(factor))
@@ -101,11 +101,11 @@ impl fmt::Display for Time {
 
 const PICOSECONDS: f64 = 1e12;
 
-/// A point in time with the fraction of a picosecond kept.
+/// A point in time including its fraction of a picosecond.
 ///
 /// A reference period is seldom a whole number of picoseconds (83 333.3… at 12 MHz). Rounding each
-/// conversion would bend the sample grid by up to 0.5 ps a conversion; with the fraction carried on,
-/// what is left is the rounding of one `f64` product, below 10⁻⁵ ps a conversion.
+/// conversion would shift the sample grid by up to 0.5 ps per conversion; with the fraction carried
+/// on, only the rounding of one `f64` product remains, below 10⁻⁵ ps per conversion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moment {
     time: Time,
@@ -113,7 +113,7 @@ pub(crate) struct Moment {
 }
 
 impl Moment {
-    /// Later than anything that happens.
+    /// Later than any event.
     pub(crate) const NEVER: Self = Self {
         time: Time::MAX,
         fraction: 0.0,
@@ -126,8 +126,8 @@ impl Moment {
         }
     }
 
-    /// The moment `seconds` later, by at least one picosecond: every step of the model takes time,
-    /// so that no setting can make it stand still. A length that is no number never ends.
+    /// The time `seconds` later, at least one picosecond later: every step of the model takes time,
+    /// so that no setting can make it stand still. A length that is NaN never ends.
     pub(crate) fn after(self, seconds: f64) -> Self {
         let picoseconds = seconds * PICOSECONDS + self.fraction;
         if !picoseconds.is_finite() || self.time == Time::MAX {
@@ -141,7 +141,7 @@ impl Moment {
         }
     }
 
-    /// The picosecond in which it falls.
+    /// The picosecond that contains it.
     pub(crate) const fn time(self) -> Time {
         self.time
     }

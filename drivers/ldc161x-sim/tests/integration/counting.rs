@@ -1,4 +1,4 @@
-//! The counter: the form of its words, its quantisation, and what the sensor's signal does to it.
+//! The counter: form and quantisation of its words, and the influence of the sensor's signal.
 
 use crate::common::*;
 use ldc161x_sim::{
@@ -13,7 +13,7 @@ fn convert<S: Sensors>(rig: &ChipRig<S>) -> TrueConversion {
     *rig.chip.borrow().last_conversion(0).expect("a conversion")
 }
 
-/// A single-channel rig on a slowly rising frequency, so that all phases come by.
+/// A single-channel rig on a slowly rising frequency, so that all phases occur.
 fn sweep(
     settings: Settings,
     rcount: u16,
@@ -122,8 +122,8 @@ fn the_model_can_produce_each_recorded_word_to_the_bit() {
 
 #[test]
 fn a_constant_start_up_cannot_produce_them_all() {
-    // The reason for the term in sensor periods and for the uneven duty: 7.25 clocks a gate and an
-    // even duty miss some of the recorded words altogether.
+    // Reason for the term in sensor periods and for the uneven duty: with 7.25 clocks per gate and
+    // an even duty some of the recorded words cannot occur.
     let missed = RECORDED
         .iter()
         .filter(|&&(reference_hz, rcount, word)| {
@@ -190,8 +190,9 @@ fn half_periods_are_quieter_by_root_two() {
 
 #[test]
 fn the_mean_word_of_a_dithered_sensor_is_true_to_a_fraction_of_a_clock() {
-    // Gates begin and end on clock edges, so the first and the last edge of the sensor do not fall
-    // evenly between ticks: a bias of a fraction of a clock in N that no averaging takes away.
+    // Gates start and end on clock edges, so the first and the last edge of the sensor are not
+    // evenly distributed between ticks: a bias of a fraction of a clock in N that no averaging
+    // removes.
     for sensor_hz in [2.6e6, 2.9e6, 3.187e6] {
         let rig = sweep(quiet(12e6), 1512, sensor_hz, 300.0);
         let count = 20_000;
@@ -420,7 +421,7 @@ fn noise_is_white() {
     }
 }
 
-/// M and N of a steady signal, from the definition of the two gates.
+/// M and N of a constant signal, from the definition of the two gates.
 fn expected_counts(phase: f64, rate: f64, clocks: f64) -> (f64, f64) {
     let opening = 4.0 + 0.5 / rate;
     let gate = |phase: f64| {
@@ -436,8 +437,8 @@ fn expected_counts(phase: f64, rate: f64, clocks: f64) -> (f64, f64) {
 
 #[test]
 fn the_phase_runs_on_between_conversions_of_a_single_channel() {
-    // One unknown phase at the beginning must explain all conversions after it, through the pauses
-    // of 11 clocks between them, and behind a divider as well.
+    // One unknown initial phase must explain all following conversions, through the pauses of 11
+    // clocks between them, and also behind a divider.
     for (divider, sensor_hz) in [(1_u16, 3_171_933.0), (2, 5_171_933.0)] {
         let rig = ChipRig::new(quiet(40e6), [sensor_hz]);
         rig.single(300);
@@ -473,7 +474,7 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
 #[test]
 fn each_activation_begins_with_a_phase_of_chance() {
     let rig = ChipRig::new(quiet(40e6), [4e6; 2]);
-    // exactly ten clocks a period: in a single channel every word would be the same
+    // exactly ten clocks per period: in a single channel every word would be equal
     rig.autoscan(1, 100, 20);
     let words: std::collections::BTreeSet<u32> = (0..100).map(|_| convert(&rig).word).collect();
     let gaps: std::collections::BTreeSet<u64> =

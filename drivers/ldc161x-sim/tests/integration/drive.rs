@@ -1,4 +1,4 @@
-//! Amplitude, drive current, settling, and what happens when the oscillation fails.
+//! Amplitude, drive current and settling, and the behaviour when the oscillation fails.
 
 use crate::common::*;
 use ldc161x_sim::{
@@ -6,7 +6,7 @@ use ldc161x_sim::{
     TrueConversion, amplitude_v, calibrated_code, drive_current_a,
 };
 
-/// A tank of 3 MHz with the given losses and quality factor.
+/// A tank of 3 MHz with this loss resistance and quality factor.
 fn tank(parallel_resistance_ohm: f64, quality_factor: f64) -> Tank {
     let omega = core::f64::consts::TAU * 3e6;
     Tank {
@@ -21,7 +21,7 @@ fn first_conversion<S: Sensors>(rig: &ChipRig<S>) -> TrueConversion {
     *rig.chip.borrow().last_conversion(0).expect("a conversion")
 }
 
-/// A rig whose channel 0 runs with a drive code.
+/// A rig whose channel 0 converts with this drive code.
 fn driven<S: Sensors>(settings: Settings, sensors: S, code: u16, config: u16) -> ChipRig<S> {
     let rig = ChipRig::new(settings, sensors);
     rig.prepare(0, 2500, 0x100);
@@ -253,7 +253,7 @@ fn high_current_drives_channel_0_of_a_single_channel_alone() {
 
 // ---- a sensor or a reference that falls silent ----
 
-/// 3 MHz but for a silence from 20 ms to 50 ms.
+/// 3 MHz, except for a silence from 20 ms to 50 ms.
 fn interrupted(_: usize, time_s: f64) -> f64 {
     if (20e-3..50e-3).contains(&time_s) {
         0.0

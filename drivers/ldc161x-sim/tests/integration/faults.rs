@@ -1,4 +1,4 @@
-//! Faults of the chip, its supply and its clock; and that a test can know of every fault.
+//! Faults of the chip, its supply and its clock, and how a test observes each of them.
 
 use crate::common::*;
 use embedded_hal::i2c::NoAcknowledgeSource;

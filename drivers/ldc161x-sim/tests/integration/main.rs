@@ -1,4 +1,4 @@
-//! Tests of `ldc161x-sim` from outside: one program, whose modules are its parts.
+//! Integration tests of `ldc161x-sim`: one program, one module per subject.
 
 mod bus;
 mod common;

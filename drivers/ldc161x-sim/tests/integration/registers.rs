@@ -4,8 +4,8 @@ use crate::common::*;
 use ldc161x_sim::registers::{REGISTERS, describe};
 use ldc161x_sim::{ConfigReadback, Settings};
 
-/// (address, reset value, what reads back after writing 0xFFFF, after writing 0x0000).
-/// CONFIG is written with its sleep bit set both times. RESET_DEV resets and reads 0.
+/// (address, reset value, read-back after writing 0xFFFF, read-back after writing 0x0000). CONFIG
+/// is written with its sleep bit set both times. RESET_DEV resets and reads 0.
 const TABLE: [(u8, u16, u16, u16); 35] = [
     (0x00, 0, 0, 0),
     (0x01, 0, 0, 0),

@@ -1,4 +1,4 @@
-//! Results, STATUS and INTB, in each position of the switches that concern them.
+//! Results, STATUS and INTB, in each position of the related switches.
 
 use crate::common::*;
 use embedded_hal::i2c::I2c;
@@ -157,7 +157,7 @@ fn an_overwritten_result_makes_no_new_edge_and_is_counted() {
     assert_eq!(chip.interrupts(), 1);
     assert_eq!(chip.overwritten(0), 3);
     drop(chip);
-    // a read of STATUS may clear UNREADCONV0, but saves nothing
+    // a read of STATUS may clear UNREADCONV0, but does not prevent the overwriting
     rig.read(0x18);
     rig.convert(0, 1);
     assert_eq!(rig.chip.borrow().overwritten(0), 4);
@@ -275,7 +275,7 @@ fn flags_need_their_2out_bit_and_are_not_sticky() {
     }
 }
 
-/// An autoscan at 10 MHz in which channels 1 and 2 have errors: 1 is over-range, 2 silent.
+/// An autoscan at 10 MHz with errors on channels 1 and 2: 1 is over-range, 2 silent.
 fn erring(settings: Settings) -> ChipRig<impl Sensors> {
     let rig = ChipRig::new(settings, [3e6, 12e6, 0.0, 3e6]);
     rig.autoscan(3, 500, 100);

@@ -1,4 +1,4 @@
-//! Whatever comes over the bus and whenever: no panic, no hang, the same bytes again.
+//! For any bus traffic at any time: no panic, no hang, and the same bytes in a repetition.
 
 use crate::common::*;
 use ldc161x_sim::{
@@ -7,7 +7,7 @@ use ldc161x_sim::{
 };
 use proptest::prelude::*;
 
-/// One thing that a master, a pin or a test may do.
+/// One action of a master, a pin or a test.
 #[derive(Clone, Debug)]
 enum Act {
     Start(u8),
@@ -97,7 +97,7 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// Frequencies that no coil has among some that it may.
+/// Frequencies, some of which no coil can have.
 fn hertz() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 1e3..1e7,
@@ -208,7 +208,7 @@ proptest! {
 
 #[test]
 fn a_senseless_time_is_skipped_to() {
-    // the shortest conversions there are, and 213 days
+    // the shortest possible conversions, and 213 days
     let settings = with_switches(Settings::ideal(), |s| s.overhead = Overhead::NONE);
     let rig = ChipRig::new(settings, [3e6]);
     rig.single(9);

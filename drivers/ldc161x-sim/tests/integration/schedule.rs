@@ -1,4 +1,4 @@
-//! When things happen, against numbers computed by hand from the datasheet's equations.
+//! Times of events, against numbers computed by hand from the datasheet's equations.
 
 use crate::common::*;
 use ldc161x_sim::{
@@ -21,7 +21,7 @@ fn close(time: Time, seconds: f64) {
     assert!(error.abs() < 2e-9, "{time} instead of {seconds} s");
 }
 
-/// Time of the write that wakes the chip: its last byte.
+/// Time of the write that wakes the chip, at the end of its last byte.
 fn wake<S: Sensors>(rig: &ChipRig<S>, config: u16) -> f64 {
     rig.write(0x1A, config);
     // a STOP bit of 2.5 us follows the byte
@@ -279,7 +279,7 @@ fn next_event_is_where_the_interrupt_falls() {
     assert_eq!(chip.next_event(), None);
 }
 
-/// What is noted of one conversion on channel 0.
+/// Violations counted for one conversion on channel 0.
 fn misuse(clkin_hz: f64, sensor_hz: f64, writes: &[(u8, u16)]) -> Misuse {
     let settings = Settings {
         internal_clock: InternalClock {

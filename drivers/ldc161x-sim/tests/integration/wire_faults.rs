@@ -1,4 +1,4 @@
-//! Faults on the wires of the bus: what they do while they act, and that they end.
+//! Faults on the wires of the bus: their effects while active, and their end.
 
 use crate::common::*;
 use embedded_hal::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource, Operation};

@@ -1,5 +1,5 @@
-//! What the tests share. Registers are written as bare numbers on purpose: the tests must not lean
-//! on the crate's own transcription.
+//! Shared by the tests. Registers are bare numbers on purpose: the tests must not use the crate's
+//! own transcription.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use core::cell::RefCell;
@@ -42,12 +42,12 @@ pub(crate) fn with_switches(settings: Settings, change: impl FnOnce(&mut Switche
     }
 }
 
-/// Settings with no shift by the drive, but all else as by default.
+/// Settings without shift by the drive; all other settings have their defaults.
 pub(crate) fn no_shift() -> SensorDrive {
     Settings::ideal().drive
 }
 
-/// A chip on a bus of 400 kHz.
+/// A chip on a 400 kHz bus.
 pub(crate) struct ChipRig<S> {
     pub(crate) chip: RefCell<Chip<S>>,
 }
@@ -82,7 +82,7 @@ impl<S: Sensors> ChipRig<S> {
         self.try_write(register, value).expect("the chip answers");
     }
 
-    /// One channel's result as a driver reads it: both halves in one transaction.
+    /// Reads one channel's result as a driver does: both halves in one transaction.
     pub(crate) fn frame(&self, channel: u8) -> (u16, u32) {
         let (mut high, mut low) = ([0; 2], [0; 2]);
         self.bus()
@@ -111,7 +111,7 @@ impl<S: Sensors> ChipRig<S> {
         self.write(0x1E + channel, 0xA000); // code 20: 297 uA, 1.13 V at 3 kohm
     }
 
-    /// Starts single-channel conversions on channel 0 with everything reported.
+    /// Starts single-channel conversions on channel 0 with all events reported.
     pub(crate) fn single(&self, rcount: u16) {
         self.prepare(0, rcount, 16);
         self.write(0x1E, 0xA800); // code 21: 342 uA, 1.31 V at 3 kohm
@@ -120,7 +120,7 @@ impl<S: Sensors> ChipRig<S> {
         self.write(0x1A, 0x1601);
     }
 
-    /// Starts autoscan over channels 0 to `last` with everything reported.
+    /// Starts autoscan over channels 0 to `last` with all events reported.
     pub(crate) fn autoscan(&self, last: u8, rcount: u16, settle: u16) {
         for channel in 0..=last {
             self.prepare(channel, rcount, settle);
@@ -140,13 +140,13 @@ impl<S: Sensors> ChipRig<S> {
         self.chip.borrow_mut().schedule(event).expect("a free slot")
     }
 
-    /// A fault in the next `count` transactions.
+    /// Schedules a fault in the next `count` transactions.
     pub(crate) fn in_next(&self, count: u32, fault: ChipFault) -> FaultId {
         let number = self.chip.borrow().traffic().transactions;
         self.schedule(FaultEvent::in_transactions(number, count, fault))
     }
 
-    /// A fault from now on for a time.
+    /// Schedules a fault from now on for a time.
     pub(crate) fn for_time(&self, lasting: Time, fault: ChipFault) -> FaultId {
         self.schedule(FaultEvent::at(self.now(), fault, lasting))
     }
