@@ -1,13 +1,14 @@
-//! A coil on a Raspberry Pi Pico: IN1 GP16, IN2 GP17, nSLEEP GP18, nFAULT GP19, current at GP26
-//! (0.125 V/A about 1.65 V). Tests the coil, then drives one train of falling ramps.
+//! Drives a coil with a Raspberry Pi Pico: IN1 GP16, IN2 GP17, nSLEEP GP18, nFAULT GP19, current at
+//! GP26 (0.125 V/A about 1.65 V). Tests the coil, then drives one train of falling ramps.
 //!
 //! ```text
 //! cargo build -p coil-hbridge --example rp2040 --target thumbv6m-none-eabi
 //! ```
 //!
-//! The interrupt waits for the middle of its period, which takes half of the processor's time and
-//! keeps the program short; a converter paced by DMA leaves that time to others.
-//! On any other target it only says so, since examples are built with the tests.
+//! The interrupt waits for the middle of its period, which keeps the program short but takes half
+//! of the processor's time; a converter paced by DMA leaves that time free.
+//! On any other target it only prints which target it needs, since examples are built with the
+//! tests.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -38,9 +39,9 @@ mod app {
 
     /// Steps of the PWM from the start of a period to its middle.
     const FULL_LEVEL: u16 = 2000;
-    /// Twice that at 125 MHz, divided by 2.
+    /// PWM period in microseconds: twice `FULL_LEVEL` at 125 MHz, divided by 2.
     const PERIOD_US: u32 = 64;
-    /// The supply. A board with a divider at an input of the converter measures it instead.
+    /// Supply voltage. A board with a divider at a converter input measures it instead.
     const SUPPLY_V: f32 = 12.0;
 
     const HARDWARE: Hardware = Hardware {
@@ -67,7 +68,7 @@ mod app {
         inductance_h: [100e-6, 2e-3],
     };
 
-    /// A ramp: where each line ends, A, and how long it takes, s. A rise, a rest and the fall.
+    /// One ramp: end of each line, A, and its duration, s. A rise, a hold and the fall.
     const RAMP: [(f32, f32); 3] = [(2.5, 5e-3), (2.5, 10e-3), (0.5, 50e-3)];
     const RAMPS: usize = 8;
 
@@ -84,7 +85,7 @@ mod app {
         delay: Timer,
     }
 
-    /// What the interrupt works with.
+    /// Resources of the interrupt.
     pub struct Bridge {
         drive: Drive,
         pwm: Slice<Pwm0, FreeRunning>,
@@ -94,7 +95,7 @@ mod app {
     }
 
     impl Bridge {
-        /// One period: samples at its start and in its middle, levels for the next one.
+        /// Runs one period: samples at its start and in its middle, levels for the next one.
         fn period(&mut self) {
             self.pwm.clear_interrupt();
             let first = self.adc.read_single();
@@ -108,7 +109,7 @@ mod app {
             }
         }
 
-        /// The pins of an RP2040 do not fail.
+        /// Writes the bridge's inputs. The pins of an RP2040 do not fail.
         fn write(&mut self, in1: u16, in2: u16, awake: bool) {
             let _ = self.sleep.set_state(awake.into());
             let _ = self.pwm.channel_a.set_duty_cycle(in1);
@@ -189,13 +190,13 @@ mod app {
                             let line = CurrentLine::at_once(to_a, over_s);
                             supervisor.follow(&report, &line, || 0)
                         }
-                        // Otherwise the last current would stay.
+                        // Otherwise the last current would continue to flow.
                         None => Ok(Supervisor::stop()),
                     }
                 }
                 _ => continue,
             };
-            // A program with a user reports what a refusal says.
+            // A program with a user interface reports the refusal.
             if let Ok(order) = order {
                 cx.shared.bridge.lock(|bridge| bridge.drive.apply(&order));
             }

@@ -1,5 +1,5 @@
-//! The drive on a simulated coil of 40 uH and 0.4 ohm at 12 V, on any PC: the self-test, then two
-//! ramps from 8 A to 2 A, a line a millisecond.
+//! Runs the drive on a simulated coil of 40 uH and 0.4 ohm at 12 V, on any PC: the self-test, then
+//! two ramps from 8 A to 2 A. Prints one text line per millisecond.
 //!
 //! ```text
 //! cargo run -p coil-hbridge --example simulated
@@ -46,7 +46,7 @@ struct SimulatedBoard {
 }
 
 impl SimulatedBoard {
-    /// One period: two samples in, two levels out, which act from the next period on.
+    /// Runs one period: two samples in, two levels out, which take effect from the next period on.
     fn period(&mut self, drive: &mut Drive) {
         let count = (2048.5 + self.current_a / HARDWARE.ampere_per_count) as u16;
         let output = drive.tick([count, count], false);
@@ -60,7 +60,7 @@ impl SimulatedBoard {
         self.current_a += (coil_v - 0.4 * self.current_a) * HARDWARE.period_s / 40e-6;
     }
 
-    /// A millisecond: the interrupt's periods, then the task.
+    /// Runs one millisecond: the interrupt's periods, then the task.
     fn millisecond(&mut self, drive: &mut Drive, supervisor: &mut Supervisor) {
         (0..PERIODS).for_each(|_| self.period(drive));
         let order = supervisor.attend(&drive.report(), SUPPLY_V, PERIODS * 16);
@@ -76,12 +76,12 @@ fn main() -> Result<(), Refusal> {
     (0..300).for_each(|_| board.millisecond(&mut drive, &mut supervisor));
     println!("{:?}", supervisor.findings());
 
-    // Two ramps: where each line ends, and how long it takes.
+    // Two ramps: end of each line, A, and its duration, s.
     let mut lines = [(8.0, 2e-3), (8.0, 3e-3), (2.0, 10e-3)]
         .repeat(2)
         .into_iter();
     for time_ms in 1..=32_u64 {
-        // The next line begins where the last one is over.
+        // The next line starts when the last one has ended.
         if drive.report().holds || time_ms == 1 {
             let (to_a, over_s) = lines.next().unwrap_or((0.0, 2e-3));
             let line = CurrentLine::at_once(to_a, over_s);

@@ -1,23 +1,23 @@
-//! Means of the measured current over windows that have passed.
+//! Means of the measured current over past windows.
 
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
 
-/// Periods whose currents are kept as one sum.
+/// Number of periods whose currents are stored as one sum.
 pub const BLOCK: u32 = 16;
-/// Sixteenths of a period in a block.
+/// Length of a block in sixteenths of a period.
 const LENGTH: i64 = 16 * BLOCK as i64;
 
-/// A moment: so many periods since the start, which wrap, and so many sixteenths of the next one.
+/// A point in time: whole periods since the start, which wrap, and sixteenths of the next period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
-    /// Whole periods.
+    /// Whole periods since the start.
     pub periods: u32,
-    /// Below 16.
+    /// Sixteenths of the next period, below 16.
     pub sixteenths: u32,
 }
 
 impl Moment {
-    /// So many sixteenths of a period after the end of one.
+    /// The moment `sixteenths` of a period after the end of period `periods`.
     #[must_use]
     pub const fn after(periods: u32, sixteenths: i32) -> Self {
         Self {
@@ -26,7 +26,7 @@ impl Moment {
         }
     }
 
-    /// Sixteenths since an earlier one.
+    /// Time since an earlier moment, in sixteenths of a period.
     const fn since(self, earlier: Self) -> u32 {
         let periods = self.periods.wrapping_sub(earlier.periods);
         (periods.wrapping_mul(16) + self.sixteenths).wrapping_sub(earlier.sixteenths)
@@ -40,9 +40,9 @@ impl From<u32> for Moment {
 }
 
 /// The measured current of the last `N` blocks, as running sums: written by the control interrupt,
-/// read by anybody, without a lock.
+/// read by any task without a lock.
 ///
-/// A moment is a number of periods since the start, which wraps.
+/// Times are numbers of periods since the start, which wrap.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Averages<const N: usize> {
@@ -61,7 +61,7 @@ impl<const N: usize> Default for Averages<N> {
 }
 
 impl<const N: usize> Averages<N> {
-    /// Without any current.
+    /// Creates an empty record.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -71,7 +71,7 @@ impl<const N: usize> Averages<N> {
         }
     }
 
-    /// Adds a period.
+    /// Adds the current of one period.
     #[inline]
     pub(crate) fn push(&self, units: i32) {
         let total = self.total.load(Ordering::Relaxed).wrapping_add(units);
@@ -82,11 +82,11 @@ impl<const N: usize> Averages<N> {
         {
             sum.store(total, Ordering::Relaxed);
         }
-        // Last, so that who sees this number sees the block as well.
+        // Stored last, so that a reader that sees this number also sees the block's sum.
         self.periods.store(periods, Ordering::Release);
     }
 
-    /// The present.
+    /// The current time: number of periods so far; wraps.
     #[must_use]
     pub fn now(&self) -> u32 {
         self.periods.load(Ordering::Acquire)
@@ -100,29 +100,31 @@ impl<const N: usize> Averages<N> {
             .map_or(0, |sum| sum.load(Ordering::Relaxed))
     }
 
-    /// The end of the block that a moment lies in, or of the last whole one before `now`.
+    /// The end of the block that contains `moment`, or of the last whole block before `now`.
     fn whole(moment: u32, now: u32) -> u32 {
         let end = (moment - moment % BLOCK).wrapping_add(BLOCK);
         let is_whole = now.wrapping_sub(end) as i32 >= 0;
         if is_whole { end } else { now - now % BLOCK }
     }
 
-    /// The present, if a window is not empty, no older than what is kept, and ends less than a
-    /// block in the future.
+    /// The current time, if the window is not empty, not older than the stored blocks, and ends
+    /// less than a block in the future.
     fn kept(&self, from: u32, to: u32) -> Option<u32> {
         let now = self.now();
-        // Two blocks in hand: the one that may be written meanwhile, and the one before a window's first.
+        // Keeps two blocks in reserve: the one that may be written meanwhile, and the one before
+        // the window's first.
         let kept = BLOCK * (N as u32).saturating_sub(3);
         let is_kept = now.wrapping_sub(from) <= kept;
         let is_past = (to.wrapping_sub(now) as i32) < BLOCK as i32;
         (from != to && is_kept && is_past).then_some(now)
     }
 
-    /// Mean of a function of the current between two moments, in what the function gives. The
-    /// function gets units and is asked once for every block; within one the current counts as
-    /// constant. A window that ends after the last whole block counts that one for its rest.
+    /// Mean of a function of the current between two times, in the unit of the function. The
+    /// function takes units and is evaluated once per block; within a block the current counts as
+    /// constant. If the window ends after the last whole block, that block also stands for the
+    /// rest.
     ///
-    /// Nothing if the window is empty, or older than what is kept, or ends a block or more in the
+    /// `None` if the window is empty, older than the stored blocks, or ends a block or more in the
     /// future.
     fn mean_of(&self, from: u32, to: u32, of: impl Fn(f32) -> f32) -> Option<f32> {
         let now = self.kept(from, to)?;
@@ -139,10 +141,10 @@ impl<const N: usize> Averages<N> {
         Some(sum / to.wrapping_sub(from) as f32)
     }
 
-    /// The same for the current itself, whose whole blocks need not be asked one by one: what lies
-    /// between two moments is what was summed up to the one less what was up to the other. Within a block
-    /// the current is a straight line, with the slope between its neighbours: the constant one would be off
-    /// by up to an eighth of what the current changes in a block, times the block.
+    /// Mean of the current itself between two moments, as the difference of the running sums at
+    /// both. Within a block the current is a straight line with the slope between the neighbouring
+    /// blocks; a constant would be off by up to an eighth of the change within a block, times the
+    /// block.
     fn mean(&self, from: Moment, to: Moment) -> Option<f32> {
         let length = to.since(from);
         let now = self.kept(
@@ -158,9 +160,9 @@ impl<const N: usize> Averages<N> {
                     .wrapping_sub(self.sum(end.wrapping_sub(BLOCK)))
             };
             let change = i64::from(block(after).wrapping_sub(block(begin)));
-            // Half the change over one block, or over two.
+            // Half the change over one block, or over two blocks.
             let halves = LENGTH.ilog2() + 1 + u32::from(after != end);
-            // Of the block, in sixteenths of a period's share.
+            // Position within the block, in sixteenths of a period.
             let at = i64::from(moment.since(begin.into()));
             let bend = (change * at * (LENGTH - at)) >> halves;
             (self.sum(begin), i64::from(block(end)) * at - bend)
@@ -178,9 +180,9 @@ impl<const N: usize> Averages<N> {
         Some(self.mean(from, to)? * unit_a)
     }
 
-    /// Mean of a function of the current, A, over the same window: where the function is not a
-    /// straight line this is not the function of the mean. Of what happens within a block, as the
-    /// ripple, it knows nothing: that is [`Ripple`](crate::Ripple).
+    /// Mean of a function of the current, A, over the window from `from` to `to`. For a function
+    /// that is not a straight line it differs from the function of the mean. It does not include
+    /// changes within a block, such as the PWM ripple: see [`Ripple`](crate::Ripple).
     #[must_use]
     pub fn mean_of_current(
         &self,
@@ -198,7 +200,7 @@ impl<const N: usize> Averages<N> {
 mod tests {
     use super::*;
 
-    /// A ramp of one unit a period, from 100.
+    /// A ramp of one unit per period, starting at 100.
     fn ramp(periods: u32) -> Averages<64> {
         let averages = Averages::new();
         for period in 0..periods {
@@ -207,7 +209,7 @@ mod tests {
         averages
     }
 
-    /// The mean of the current, block by block and at once.
+    /// The mean of the current, once block by block and once from the running sums.
     fn both_means(averages: &Averages<64>, from: u32, to: u32) -> [f32; 2] {
         [
             averages.mean_of(from, to, |units| units).unwrap(),
@@ -221,7 +223,7 @@ mod tests {
         for (from, to) in [(160, 320), (320, 336), (500, 900), (437, 911)] {
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;
             let [by_blocks, mean] = both_means(&averages, from, to);
-            // Half a block of slope at either end, where a block is cut.
+            // Half a block of slope at either end, if a block is cut.
             assert!(
                 (by_blocks - exact).abs() < 0.2,
                 "{from}..{to}: {by_blocks} {exact}"
@@ -230,9 +232,10 @@ mod tests {
         }
     }
 
-    /// A current that begins to rise in a block, of which a window takes a part. In parts of the rise in a
-    /// block, times the block, it is off by less than 0.036, by 0.076 before the next block is
-    /// whole, and by 0.68 in one that is not yet; with constant currents by 0.125, 0.125 and 0.91.
+    /// A current that starts to rise within a block, of which a window covers a part. The mean is
+    /// off by less than 0.036 of the rise in a block, times the block; by 0.076 before the next
+    /// block is whole, and by 0.68 in a block that is not whole yet. With constant currents it
+    /// would be off by 0.125, 0.125 and 0.91.
     #[test]
     fn a_corner_within_a_block_is_followed() {
         for corner in 480..512 {
@@ -299,7 +302,7 @@ mod tests {
     #[test]
     fn the_last_block_stands_for_what_is_not_there_yet() {
         let averages = ramp(1_000); // 62 blocks and 8 periods
-        // By its mean, and on along its slope.
+        // By its mean, and extended along its slope.
         let expected = [100.0 + 976.0 + 7.5, 100.0 + 997.5];
         assert_eq!(both_means(&averages, 992, 1_004), expected);
         for (from, to) in [(992, 1_016), (900, 900), (0, 100)] {
@@ -319,7 +322,7 @@ mod tests {
         for period in 0..1_600 {
             averages.push(100 + period);
         }
-        // Before the moment 0, across it, and after it, which is period 800 here.
+        // Before time 0, across it, and after it; time 0 is period 800 here.
         for (from, to) in [(700_u32, 790), (700, 1_500), (790, 810), (810, 1_500)] {
             let [begin, end] = [from, to].map(|at| at.wrapping_sub(800));
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;

@@ -1,36 +1,38 @@
 //! Tells a weak supply from other causes of missing current.
 //!
-//! The bridge goes off at once, whatever it was. The supply's reading comes later, through its
-//! divider's capacitor; so the fault that was latched is looked at again until that has come to rest.
+//! The bridge switches off at once in either case. The supply's reading arrives later, through the
+//! capacitor of its divider; so the latched fault is checked again until the reading has settled.
 
 use crate::drive::{DriveState, Report};
 use crate::fault::Fault;
 
-/// Time for the supply's reading to come to rest, us: five time constants of a divider of 1 ms.
+/// Time for the supply's reading to settle, us: five time constants of a divider of 1 ms.
 const SETTLES_US: u32 = 5_000;
-/// A reading that falls by less than this part from one look to the next is at rest: seven times the
-/// noise of two codes of 9 mV each at 12 V.
+/// A reading that falls by less than this fraction from one poll to the next has settled: seven
+/// times the noise of two codes of 9 mV each at 12 V.
 const FALLS: f32 = 0.01;
-/// Looks that count: a supply that gives way under load recovers when the bridge goes off.
+/// Number of polls that count: a supply that breaks down under load recovers when the bridge
+/// switches off.
 const LOOKS: usize = 3;
-/// The watch takes a current for missing when the law gives half as much voltage again as it should
-/// take. A supply that has less than this part of what it had without load explains that.
+/// A supply below this fraction of its voltage without load explains a missing current: the watch
+/// reports a current as missing when the law gives 1.5 times the voltage that it should take.
 const EXPLAINS: f32 = 2.0 / 3.0;
 
-/// What is needed of the supply, V.
+/// Supply voltages needed, V.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Needs {
-    /// Its lower limit.
+    /// Lower limit of the supply.
     pub(crate) limit_v: f32,
-    /// What it had while nothing flowed.
+    /// Supply voltage while no current flows.
     pub(crate) open_v: f32,
-    /// What the current of the setpoint takes through the circuit as it was tested, the supply's own
-    /// resistance included, at the greatest duty.
+    /// Voltage that the setpoint needs through the circuit as tested, including the supply's own
+    /// resistance, at the greatest duty.
     pub(crate) setpoint_v: f32,
 }
 
 impl Needs {
-    /// Below which voltage the supply is the cause of a fault; nothing where it cannot be.
+    /// Voltage below which the supply is the cause of a fault; `None` for faults that it cannot
+    /// cause.
     fn of(&self, fault: Fault) -> Option<f32> {
         let Self {
             limit_v,
@@ -45,25 +47,25 @@ impl Needs {
     }
 }
 
-/// The question who is to blame.
+/// Decides whether the supply caused a fault.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Blame {
-    /// At the last looks, the latest first.
+    /// Readings at the last polls, the latest first.
     readings_v: [f32; LOOKS],
     was_latched: bool,
-    /// Below which voltage it is the supply, and how long to wait for its reading, us.
+    /// Voltage below which the supply is the cause, and the time left to wait for its reading, us.
     open: Option<(f32, u32)>,
-    /// The supply and what was needed, where that was too little.
+    /// The supply's lowest voltage and the voltage needed, if it was too low.
     pub(crate) low_v: Option<[f32; 2]>,
 }
 
 impl Blame {
-    /// Whether the fault that stands was seen, and what is behind it is known.
+    /// Whether the latched fault has been checked and its cause is known.
     pub(crate) const fn is_settled(&self) -> bool {
         self.was_latched && self.open.is_none()
     }
 
-    /// Takes the supply's latest reading; whether the fault that stands is the supply's.
+    /// Takes the supply's latest reading; returns whether the supply caused the latched fault.
     pub(crate) fn follow(
         &mut self,
         report: &Report,

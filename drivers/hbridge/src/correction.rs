@@ -1,21 +1,21 @@
-//! What a calibration against a reference found of the current measurement.
+//! Correction of the current measurement, from a calibration against a reference.
 
 use crate::fault::Refusal;
 use crate::hardware::Hardware;
 
-/// Units of one piece, as a power of two: 256 counts of the converter.
+/// Units per piece, as a power of two: 256 counts of the converter.
 const PIECE: u32 = 9;
 const KNOTS: usize = 17;
-/// Units of the first knot.
+/// First knot, in units.
 const FIRST: i32 = -(1 << PIECE) * (KNOTS as i32 / 2);
-/// Greatest correction, as a part of the measured current, and in units besides.
+/// Greatest correction: this fraction of the measured current, and a number of units in addition.
 const GREATEST_PART: f32 = 0.1;
 const GREATEST_UNITS: f32 = 128.0;
 
-/// Corrections of the measured current at 17 places of the converter's range, straight between
-/// them: takes away errors of the gain, and the bow of the converter.
+/// Corrections of the measured current at 17 points of the converter's range, linear between them:
+/// removes gain errors and the converter's nonlinearity.
 ///
-/// A bow of one sine wave over the range is left with 2 % of its amplitude.
+/// Of a nonlinearity of one sine wave over the range, 2 % of the amplitude remain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Correction([i16; KNOTS]);
@@ -27,15 +27,15 @@ impl Default for Correction {
 }
 
 impl Correction {
-    /// None.
+    /// No correction.
     pub const NONE: Self = Self([0; KNOTS]);
 
-    /// From pairs of measured and true current, A, in rising order; straight between them, and
-    /// in proportion beyond the outermost.
+    /// Creates a correction from pairs of measured and true current, A, in rising order; linear
+    /// between the pairs, and proportional beyond the outermost.
     ///
     /// # Errors
-    /// [`Refusal::Correction`]: fewer than two pairs, not rising, no numbers, or a correction above
-    /// a tenth of the current and 64 counts.
+    /// [`Refusal::Correction`]: fewer than two pairs, pairs that do not rise, values that are not
+    /// finite, or a correction above a tenth of the current and 64 counts.
     pub fn new(pairs: &[[f32; 2]], hardware: &Hardware) -> Result<Self, Refusal> {
         let rises = pairs.windows(2).all(|of| match of {
             [[low, _], [high, _]] => high > low,
@@ -57,7 +57,7 @@ impl Correction {
                 } else {
                     *last
                 };
-                // In proportion where that has a meaning.
+                // Proportional where that is defined.
                 if (reported_a > 0.0) == (measured > 0.0) && measured.abs() > 64.0 * unit_a {
                     (of - measured) * reported_a / measured
                 } else {
@@ -71,7 +71,7 @@ impl Correction {
             if units.is_nan() || units.abs() > most {
                 return Err(Refusal::Correction);
             }
-            // Less than 600.
+            // The value is below 600.
             *knot = units as i16;
         }
         Ok(Self(knots))
@@ -98,7 +98,7 @@ impl Correction {
     }
 }
 
-/// The change of the pair of neighbours that a value lies between.
+/// The change between the two neighbouring pairs that enclose a value.
 fn between(pairs: &[[f32; 2]], reported_a: f32) -> Option<f32> {
     pairs.windows(2).find_map(|of| match of {
         [[low, low_of], [high, high_of]] if reported_a >= *low && reported_a <= *high => {

@@ -1,27 +1,27 @@
-//! A straight line of the current, from a moment on.
+//! A straight line of the current, with a start time.
 
 use crate::fault::Refusal;
 use crate::limits::Limits;
 
-/// A straight line of the coil's current: the one type for it, from what plans the current to the
+/// A straight line of the coil's current: the common type of all current plans, up to the
 /// [`Supervisor`](crate::Supervisor).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentLine {
-    /// When it begins, us of the clock by which [`Supervisor::follow`](crate::Supervisor::follow) is
-    /// called: until then the current goes to `from_a` in a straight line of its own. Once that has
-    /// passed, the line begins at once from wherever the current is.
+    /// Start time, us, of the clock that [`Supervisor::follow`](crate::Supervisor::follow) reads:
+    /// until then the current goes to `from_a` in a straight line. If the time has passed, the line
+    /// starts at once from the present current.
     pub start_us: u64,
-    /// Where it begins, A; the sign is the polarity.
+    /// Current at the start, A; the sign is the polarity.
     pub from_a: f32,
-    /// Where it ends and the current then stays, A.
+    /// Current at the end, which then stays, A.
     pub to_a: f32,
-    /// How long it takes, s; 0 for at once.
+    /// Duration, s; 0 for a step.
     pub over_s: f32,
 }
 
 impl CurrentLine {
-    /// A line that begins at once, from wherever the current is.
+    /// Creates a line that starts at once from the present current.
     ///
     /// ```
     /// use coil_hbridge::CurrentLine;
@@ -42,13 +42,14 @@ impl CurrentLine {
         }
     }
 
-    /// Time until it begins, s.
+    /// Time until the start, s.
     #[must_use]
     pub fn ahead_s(&self, now_us: u64) -> f32 {
         self.start_us.saturating_sub(now_us) as f32 * 1e-6
     }
 
-    /// Refuses what is no number, and what a limit forbids. No range contains what is no number.
+    /// Refuses currents and durations beyond the limits. NaN is refused too, since no range
+    /// contains it.
     pub(crate) fn check(&self, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
         let currents = -limits.current_a..=limits.current_a;
         for current_a in [self.from_a, self.to_a] {

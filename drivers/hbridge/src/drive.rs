@@ -1,4 +1,5 @@
-//! The half that runs with the PWM: integers only, no wait, the same few steps every period.
+//! The half that runs with the PWM: integers only, without waiting, the same few steps in every
+//! period.
 
 use crate::averages::Averages;
 use crate::correction::Correction;
@@ -9,86 +10,87 @@ use crate::regulator::{Gains, Regulator};
 use crate::self_test::{SelfTest, TestPlan, TestStep, TestSums};
 use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
 
-/// A current that is as near as this to its setpoint, in units, is on track: 0.15 A of
-/// the reference board, twice the noise of its converter's worst codes.
+/// Largest distance from the setpoint, in units, at which the current is on track: 0.15 A of the
+/// reference board, twice the noise of its converter's worst codes.
 const NEAR: i32 = 48;
-/// Periods for which the law is asked every time after the current was off its setpoint.
+/// Number of periods in which the law is evaluated each time, after the current was off its
+/// setpoint.
 const BUSY_PERIODS: u32 = 16;
 
-/// The period in which it has not looked in time.
+/// Periods until the supervisor has missed its deadline.
 const PATIENCE: u32 = ATTENDED_WITHIN + 1;
 
-/// A line in integers.
+/// A line in integers: end and duration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RawLine {
-    /// Where it ends, units.
+    /// Current at the end, units.
     pub(crate) to: i32,
     pub(crate) periods: u32,
 }
 
-/// What the supervisor wants. Made by [`Supervisor`](crate::Supervisor) outside of any lock.
+/// An order to the drive. Made by [`Supervisor`](crate::Supervisor) outside of any lock.
 #[derive(Clone, Debug)]
 pub struct Order(pub(crate) Orders);
 
 #[derive(Clone, Debug)]
 pub(crate) enum Orders {
-    /// The supervisor has looked, and nothing changes.
+    /// The supervisor has attended, and nothing changes.
     Attended,
     Stop,
     Clear,
     Latch(Fault),
-    /// What stands behind the fault that is latched.
+    /// The cause of the latched fault.
     Cause(Fault),
     Test(TestPlan),
-    /// What the self-test found: the zero and the law.
+    /// Result of the self-test: the zero and the law.
     Fit {
         twice_zero: i32,
         gains: Gains,
         coast_q8: i32,
     },
-    /// The supply has changed.
+    /// Law for a changed supply or resistance.
     Adapt {
         gains: Gains,
         coast_q8: i32,
     },
-    /// To follow a line, and the next one after it.
+    /// Follow a line, and the next one after it.
     Run {
         line: RawLine,
         next: Option<RawLine>,
     },
-    /// To hold this current, units, where one is held already.
+    /// Hold this current, units; only if a current is held already.
     Hold(i32),
     Correct(Correction),
 }
 
-/// Where a drive stands.
+/// State of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DriveState {
-    /// Off. `tested`: whether it may be driven.
+    /// The bridge is off. `tested`: whether it may be driven.
     Off {
-        /// The self-test has found a coil.
+        /// Whether the self-test has found a coil.
         tested: bool,
     },
-    /// The self-test runs.
+    /// The self-test is running.
     Testing,
     /// The current is regulated.
     Driving,
-    /// A fault switched it off.
+    /// A fault switched the bridge off.
     Latched(Fault),
 }
 
-/// What the supervisor has to know; a copy takes a few cycles.
+/// State and sums for the supervisor; a copy takes a few cycles.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
-    /// Where it stands.
+    /// State of the drive.
     pub state: DriveState,
-    /// Whether the line is over, and its last current stays.
+    /// Whether the line has ended and its last current is held.
     pub holds: bool,
     /// Periods with the bridge on in this run.
     pub on_periods: u32,
     pub(crate) setpoint: i32,
-    /// Sums of level times units, of levels, of units, over all whole blocks; they wrap.
+    /// Sums of level times units, of levels, and of units, over all whole blocks; they wrap.
     pub(crate) power: i64,
     pub(crate) levels: i32,
     pub(crate) units: i32,
@@ -99,32 +101,32 @@ pub struct Report {
 
 /// The drive: from two samples every period it computes the bridge's inputs.
 ///
-/// What every period needs comes first and in this order: the processor reaches 124 bytes from an
-/// address in one instruction.
+/// The fields that every period needs come first and in this order: the processor reaches 124 bytes
+/// from an address in one instruction.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Drive {
     mode: Mode,
-    /// Whether the period before had a sample beyond the trip.
+    /// Whether the previous period had a sample beyond the trip level.
     is_wild: bool,
-    /// Whether there is a correction.
+    /// Whether a correction is set.
     corrects: bool,
-    /// Whether there is a law.
+    /// Whether a law is set.
     tested: bool,
-    /// Whether a line follows the present one, which is `next`.
+    /// Whether the line in `next` follows the present one.
     goes_on: bool,
-    /// Two readings without current.
+    /// Sum of two readings without current.
     twice_zero: i32,
-    /// -1 where the measurement is reversed, otherwise 0.
+    /// -1 if the measurement is reversed, otherwise 0.
     sign: i32,
-    /// The least sample that is no trip, and how many more are none.
+    /// Smallest sample that does not trip, and the number of further samples that do not.
     least: i32,
     range: u32,
-    /// The current of the period.
+    /// Measured current of the period.
     measured: i32,
-    /// Periods in which the law is asked each time.
+    /// Number of periods left in which the law is evaluated each time.
     busy: u32,
-    /// Periods until the supervisor has to have looked.
+    /// Periods left until the supervisor has missed its deadline.
     patience: u32,
     shaper: Shaper,
     /// Greatest level.
@@ -133,13 +135,13 @@ pub struct Drive {
     sums: watch::BlockSums,
     regulator: Regulator,
     gains: Gains,
-    // From here on for a few periods only.
-    /// Periods in which the bridge wakes, and how many are left.
+    // The fields from here on are needed in few periods only.
+    /// Number of periods in which the bridge wakes, and how many are left.
     wake_periods: u16,
     waking: u16,
     correction: Correction,
     next: RawLine,
-    /// The same with its division done, if it was prepared.
+    /// The same line with its division already done, if it was prepared.
     ahead: Ahead,
     is_prepared: bool,
     watch: Watch,
@@ -149,7 +151,7 @@ pub struct Drive {
     trip: i32,
     nominal_twice_zero: i32,
     fault: Fault,
-    /// The current that tripped, units.
+    /// Current that tripped, units.
     tripped: i32,
     test: SelfTest,
     report: Sum,
@@ -167,16 +169,16 @@ struct Sum {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Off,
-    /// By `test`.
+    /// The self-test runs, in `test`.
     Testing,
-    /// To be driven, once the bridge is awake.
+    /// Drives once the bridge is awake.
     Waking,
     Driving,
-    /// By `fault`.
+    /// A fault is latched, in `fault`.
     Latched,
 }
 
-/// What never changes, in integers.
+/// Constants of a drive, in integers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fixed {
     pub(crate) current: i32,
@@ -232,7 +234,7 @@ impl Drive {
         drive
     }
 
-    /// What the supervisor has to know.
+    /// The drive's report to the supervisor.
     #[must_use]
     pub fn report(&self) -> Report {
         Report {
@@ -249,7 +251,7 @@ impl Drive {
         }
     }
 
-    /// Where it stands.
+    /// State of the drive.
     #[must_use]
     pub fn state(&self) -> DriveState {
         match self.mode {
@@ -262,15 +264,15 @@ impl Drive {
         }
     }
 
-    /// The current of the last period, corrected, in units of the driver: what a
-    /// [`Trace`](crate::Trace) takes.
+    /// The corrected current of the last period, in units of the driver, for
+    /// [`Trace::push`](crate::Trace::push).
     #[inline]
     #[must_use]
     pub const fn measured(&self) -> i32 {
         self.measured
     }
 
-    /// Applies an order. The drive holds the current to its limits whatever the order says.
+    /// Applies an order. The drive keeps its limits whatever the order says.
     pub fn apply(&mut self, order: &Order) {
         self.patience = PATIENCE;
         match &order.0 {
@@ -327,7 +329,8 @@ impl Drive {
 
     fn set_zero(&mut self, twice_zero: i32) {
         self.twice_zero = twice_zero;
-        // Twice a sample less twice the zero is within plus and minus the trip.
+        // The difference of twice a sample and twice the zero is within plus and minus the trip
+        // level.
         self.least = (twice_zero - self.trip + 1) >> 1;
         self.range = (((twice_zero + self.trip) >> 1) - self.least) as u32;
     }
@@ -365,7 +368,7 @@ impl Drive {
         }
     }
 
-    /// A current within the limits.
+    /// Limits a current to the allowed range.
     fn limited(&self, units: i32) -> i32 {
         units.min(self.current).max(-self.current)
     }
@@ -377,7 +380,7 @@ impl Drive {
         }
     }
 
-    /// Whether the line is over, and none follows.
+    /// Whether the line has ended and none follows.
     fn holds(&self) -> bool {
         self.line.is_over() && !self.goes_on && self.mode != Mode::Waking
     }
@@ -390,7 +393,7 @@ impl Drive {
         self.line = FixedPointLine::default();
     }
 
-    /// Off, and so it stays. The first fault stands.
+    /// Switches off permanently. If a fault is latched already, it is kept.
     #[inline(never)]
     fn latch(&mut self, fault: Fault) {
         self.stop();
@@ -400,20 +403,20 @@ impl Drive {
         }
     }
 
-    /// A period: its two samples, taken where the ripple passes through its mean, and whether the
-    /// bridge reports a fault. Returns what the bridge is to do: at once where it is to sleep, from
-    /// the next period on otherwise.
+    /// Runs one period. Takes its two samples, taken where the ripple passes through its mean, and
+    /// whether the bridge reports a fault. Returns the bridge's inputs: sleep takes effect at once,
+    /// all else from the next period on.
     ///
-    /// To be called once a period, after the second sample; the levels have to be written before
-    /// the period ends. [`account`](Self::account) follows.
+    /// Call it once a period, after the second sample; the levels have to be written before the
+    /// period ends. Call [`account`](Self::account) afterwards.
     #[inline]
     pub fn tick(&mut self, samples: [u16; 2], bridge_faults: bool) -> Output {
         let [first, second] = samples;
         let (first, second) = (i32::from(first), i32::from(second));
         self.measure(first + second);
         if self.mode != Mode::Driving || self.trips(first) || self.trips(second) || bridge_faults {
-            // By its parts: the compiler keeps these in registers, where it would put the whole
-            // into memory in the other case as well.
+            // Field by field: this way the compiler keeps the parts in registers; otherwise it puts
+            // the whole into memory, in the other branch too.
             let Output {
                 awake,
                 levels,
@@ -433,16 +436,16 @@ impl Drive {
         }
     }
 
-    /// In the place of [`tick`](Self::tick), for a period whose samples are not known: the converter or what
-    /// carries its results has lost some, and the others may stand for one another. Returns that the bridge
-    /// has to go off, whatever the drive did.
+    /// Replaces [`tick`](Self::tick) for a period whose samples are unknown: the converter or its
+    /// DMA lost some, and the others may be out of order. Latches a fault in any state and returns
+    /// that the bridge has to switch off.
     pub fn lose_samples(&mut self) -> Output {
         self.measured = 0;
         self.latch(Fault::SamplesLost);
         Output::OFF
     }
 
-    /// The current, by the sum of a period's two samples.
+    /// Sets the measured current from the sum of a period's two samples.
     #[inline]
     fn measure(&mut self, sum: i32) {
         let units = ((sum - self.twice_zero) ^ self.sign) - self.sign;
@@ -453,9 +456,8 @@ impl Drive {
         };
     }
 
-    /// The rest of the period's work, for which there is time after the levels have been written:
-    /// sums, and what is watched over several periods. Returns whether the bridge has to go off at
-    /// once.
+    /// Does the rest of the period's work, after the levels have been written: sums, and checks
+    /// over several periods. Returns whether the bridge has to switch off at once.
     #[inline]
     pub fn account<const N: usize>(&mut self, averages: &Averages<N>) -> bool {
         averages.push(self.measured);
@@ -492,21 +494,21 @@ impl Drive {
         levels
     }
 
-    /// The setpoint of the next period.
+    /// Advances to the setpoint of the next period.
     #[inline]
     fn go_on(&mut self) {
         if self.line.is_over() {
             if self.goes_on {
                 self.turn();
             } else if self.line.ends() {
-                // The level of a slope is not that of its end.
+                // The level of a slope differs from the level of a hold.
                 self.busy = BUSY_PERIODS;
             }
         }
         self.line.advance();
     }
 
-    /// At the end of a line: goes on with the next one.
+    /// Continues with the next line at the end of a line.
     #[inline(never)]
     fn turn(&mut self) {
         if self.is_prepared {
@@ -518,7 +520,8 @@ impl Drive {
         self.busy = BUSY_PERIODS;
     }
 
-    /// The end of a block, or of the supervisor's time. Returns whether that was the end of all.
+    /// Handles the end of a block or of the supervisor's deadline. Returns whether the drive has
+    /// latched a fault.
     #[inline(never)]
     fn close(&mut self, is_whole: bool) -> bool {
         if self.patience == 0 {
@@ -548,7 +551,7 @@ impl Drive {
         false
     }
 
-    /// A period without regulation has passed; whether a bridge that is awake has had no order for too
+    /// Counts a period without regulation. Returns whether an awake bridge has had no order for too
     /// long.
     #[inline(never)]
     fn wait(&mut self) -> bool {
@@ -562,7 +565,7 @@ impl Drive {
         self.patience == 0
     }
 
-    /// A period in which no current is regulated any more, or not yet, or in which something is wrong.
+    /// Handles a period without regulation, or with an abnormal sample or a bridge fault.
     #[inline(never)]
     fn otherwise(&mut self, samples: [i32; 2], bridge_faults: bool) -> Output {
         if matches!(self.mode, Mode::Off | Mode::Latched) {
@@ -589,8 +592,9 @@ impl Drive {
         }
     }
 
-    /// The two samples, with the other one in the place of one beyond the trip: a single wild sample is
-    /// the converter's. Nothing where it is the current: both samples, or one in each of two periods.
+    /// Returns the two samples, with a single sample beyond the trip level replaced by the other
+    /// one, since a single outlier is a converter error. `None` if it is the current: both samples,
+    /// or one in each of two successive periods.
     fn without_wild(&mut self, [first, second]: [i32; 2]) -> Option<[i32; 2]> {
         let wild = [first, second].map(|sample| self.can_trip() && self.trips(sample));
         let before = core::mem::replace(&mut self.is_wild, wild != [false; 2]);
@@ -602,12 +606,12 @@ impl Drive {
         }
     }
 
-    /// Whether the reading without current is known, which a trip counts from.
+    /// Whether the reading without current is known, to which the trip level refers.
     fn can_trip(&self) -> bool {
         self.mode != Mode::Testing || self.test.twice_zero().is_some()
     }
 
-    /// A period in which the bridge wakes: no voltage yet, and what it reports counts for nothing.
+    /// Handles a period in which the bridge wakes: no voltage yet, and its fault output is ignored.
     fn wake(&mut self) -> Output {
         self.go_on();
         self.waking = self.waking.saturating_sub(1);
@@ -627,7 +631,7 @@ impl Drive {
         match step {
             TestStep::Asleep => Output::OFF,
             TestStep::Waking => Output::WAKING,
-            // A bridge may report its limit, which is to act here.
+            // The bridge may report its own current limit, which has to act here.
             TestStep::On { limit_low, .. } if bridge_faults && !limit_low => {
                 self.latch(Fault::Bridge);
                 Output::OFF
@@ -656,8 +660,8 @@ impl Drive {
         }
     }
 
-    /// Two samples, or two readings without current, as they would be if a measurement that is
-    /// reversed were not; and back.
+    /// Removes the reversal from two samples, or from two readings without current; applied again
+    /// it restores it.
     fn reverse(&self, sum: i32) -> i32 {
         if self.sign < 0 {
             2 * self.nominal_twice_zero - sum

@@ -1,18 +1,19 @@
-//! The energy that the circuit has taken and not given off yet: what a drive counts, and what a profile
-//! of the current will make of that. One law for both.
+//! Net energy that the circuit has taken: counted by a drive, and forecast for a current profile.
+//! Both use the same formula.
 
 use crate::hardware::Hardware;
 use crate::limits::Limits;
 use crate::watch::ATTENDED_WITHIN;
 
-/// Energy is counted too high by what current and supply may be measured too low together: 2 % of
-/// gain and bow, 5 % of the divider, and the offset.
+/// Safety factor of the energy count. It covers the errors by which current and supply may together
+/// be measured too low: 2 % of gain and nonlinearity, 5 % of the divider, and the offset.
 const COUNTED: f32 = 1.1;
-/// Newton's steps to the current whose heat is given off for ever. Its square root is found from
-/// above, halving at first: 24 suffice from 10^4 times the root.
+/// Number of Newton's steps for the current whose heat equals the continuous power. They approach
+/// the root from above, halving at first: 24 suffice from 10^4 times the root.
 const STEPS: u8 = 24;
 
-/// What the circuit has taken, a tenth too high, less what it gives off for ever; never below zero.
+/// Net energy of the circuit: the energy taken, counted a tenth too high, less the continuous power
+/// that it gives off; never below zero.
 ///
 /// ```
 /// use coil_hbridge::{Account, Demand, Load};
@@ -36,36 +37,37 @@ pub struct Account {
     continuous_w: f32,
 }
 
-/// The circuit, as its self-test finds it.
+/// The circuit as found by its self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Load {
     /// Resistance of coil, bridge, wires and supply together, ohm.
     pub resistance_ohm: f32,
-    /// What the bridge's dead time takes of the voltage, V.
+    /// Voltage lost to the bridge's dead time, V.
     pub lost_v: f32,
 }
 
-/// What a profile of the current asks of an [`Account`]: straight lines, one after the other, from
-/// rest.
+/// Energy that a current profile needs from an [`Account`]: straight lines in succession, starting
+/// from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Demand {
     load: Load,
     continuous_w: f32,
-    /// The current that heats as much as is given off.
+    /// Current whose heat equals the continuous power.
     even_a: f32,
     at_a: f32,
-    /// What the account has gained so far, at its highest and at its lowest.
+    /// Change of the account so far, its highest value and its lowest.
     gain_j: f32,
     most_j: f32,
     least_j: f32,
-    /// The greatest rise from a low to a later high: what an account that is empty comes to.
+    /// Greatest rise from a low to a later high: the peak of an account that starts empty.
     rise_j: f32,
 }
 
 impl Account {
-    /// An empty account of a drive. The limit is less by what may flow before a supervisor looks.
+    /// Creates an empty account of a drive. Its limit is reduced by the energy that may flow before
+    /// a supervisor acts.
     #[must_use]
     pub fn new(hardware: &Hardware, limits: &Limits) -> Self {
         let unseen_s = ATTENDED_WITHIN as f32 * hardware.period_s;
@@ -74,7 +76,7 @@ impl Account {
         Self::with(limits.energy_j - unseen_j, limits.continuous_w)
     }
 
-    /// An empty account with these limits, J and W.
+    /// Creates an empty account with a limit, J, and a continuous power, W.
     #[must_use]
     pub const fn with(usable_j: f32, continuous_w: f32) -> Self {
         Self {
@@ -84,48 +86,48 @@ impl Account {
         }
     }
 
-    /// Energy that was taken and not given off yet, J.
+    /// Net energy taken, J.
     #[must_use]
     pub const fn energy_j(&self) -> f32 {
         self.energy_j
     }
 
-    /// Where a drive ends, J.
+    /// Limit at which a drive switches off, J.
     #[must_use]
     pub const fn usable_j(&self) -> f32 {
         self.usable_j
     }
 
-    /// Takes what was measured over a time. What comes back from the coil's field was counted when it
-    /// went there.
+    /// Adds the energy measured over a time. Energy that returns from the coil's field is not
+    /// subtracted: it was counted on its way there.
     pub fn pass(&mut self, measured_j: f32, elapsed_s: f32) {
         let left_j = self.energy_j - self.continuous_w * elapsed_s;
         self.energy_j = if left_j > 0.0 { left_j } else { 0.0 };
         self.charge((COUNTED * measured_j).max(0.0));
     }
 
-    /// Takes what was not measured.
+    /// Adds energy that was not measured.
     pub fn charge(&mut self, energy_j: f32) {
         if energy_j.is_finite() {
             self.energy_j += energy_j;
         }
     }
 
-    /// Whether there is no more.
+    /// Whether the limit is exceeded.
     #[must_use]
     pub fn is_used_up(&self) -> bool {
-        // So is one that is not a number.
+        // NaN counts as exceeded.
         let compared = self.energy_j.partial_cmp(&self.usable_j);
         compared.is_none_or(core::cmp::Ordering::is_gt)
     }
 
-    /// Whether a profile may begin now.
+    /// Whether a profile may start now.
     #[must_use]
     pub fn bears(&self, demand: &Demand) -> bool {
         self.energy_j + demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j
     }
 
-    /// How long until a profile may begin, s; nothing if it never may.
+    /// Time until a profile may start, s; `None` if it never may.
     #[must_use]
     pub fn wait_s(&self, demand: &Demand) -> Option<f32> {
         let fits = demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j;
@@ -133,7 +135,7 @@ impl Account {
         (fits && wait_s.is_finite()).then_some(wait_s)
     }
 
-    /// How long until it may gain so much, s.
+    /// Time until `gain_j` more energy may be taken, s.
     #[must_use]
     pub fn time_until_s(&self, gain_j: f32) -> f32 {
         let over_j = self.energy_j + gain_j - self.usable_j;
@@ -146,7 +148,7 @@ impl Account {
 }
 
 impl Demand {
-    /// Nothing yet.
+    /// Creates an empty profile.
     #[must_use]
     pub fn new(account: &Account, load: Load) -> Self {
         let Load {
@@ -171,15 +173,15 @@ impl Demand {
         }
     }
 
-    /// It begins at this current and not at rest.
+    /// Sets a start current other than zero, A.
     pub const fn starts_at(&mut self, at_a: f32) {
         self.at_a = at_a;
     }
 
-    /// Goes on in a straight line.
+    /// Appends a straight line to `to_a`, A, within `over_s`, s.
     pub fn line(&mut self, to_a: f32, over_s: f32) {
         let from_a = core::mem::replace(&mut self.at_a, to_a);
-        // Through zero in two lines, each of one sign.
+        // A line through zero is split in two, each of one sign.
         if from_a * to_a < 0.0 {
             let part = from_a / (from_a - to_a);
             self.one_sided(from_a.abs(), 0.0, part * over_s);
@@ -189,14 +191,14 @@ impl Demand {
         }
     }
 
-    /// What the account gains at its highest, J.
+    /// Greatest gain of the account, J.
     #[must_use]
     pub const fn most_j(&self) -> f32 {
         self.most_j
     }
 
-    /// The account turns where as much is taken as is given off: what lies between two turns is
-    /// highest and lowest at its ends.
+    /// Adds a line of one sign. The account has its extremes where the heat equals the continuous
+    /// power, so the line is split there: between two such points the extremes are at the ends.
     fn one_sided(&mut self, from_a: f32, to_a: f32, over_s: f32) {
         let even_a = self.even_a;
         if (from_a - even_a) * (to_a - even_a) < 0.0 {
@@ -213,7 +215,7 @@ impl Demand {
         let charge_a_s = over_s * 0.5 * (from_a + to_a);
         let taken_j = self.load.resistance_ohm * square_a2_s + self.load.lost_v * charge_a_s;
         self.gain_j += COUNTED * taken_j - self.continuous_w * over_s;
-        // What is no number stays none, and nothing bears it.
+        // NaN stays NaN, so no account bears it.
         let highest = |one: f32, other: f32| if one >= other { one } else { other };
         self.most_j = highest(self.most_j, self.gain_j);
         self.least_j = self.least_j.min(self.gain_j);
@@ -239,8 +241,8 @@ mod tests {
         demand
     }
 
-    /// The highest count along the lines, in f64 and steps of 0.2 ms: the sum of so many in f32 is off by
-    /// up to 0.1 J.
+    /// The highest count along the lines, in f64 and steps of 0.2 ms: a sum of that many steps in
+    /// f32 is off by up to 0.1 J.
     fn followed(account: &Account, lines: &[(f32, f32)]) -> f64 {
         let [resistance_ohm, lost_v, continuous_w] =
             [LOAD.resistance_ohm, LOAD.lost_v, account.continuous_w].map(f64::from);
@@ -288,7 +290,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
 
-        /// The forecast is what becomes of it.
+        /// The forecast equals the count of the same profile.
         #[test]
         fn the_forecast_is_the_count(
             lines in prop::collection::vec((-12.0_f32..12.0, 0.0_f32..1.5), 1..12),
@@ -299,11 +301,11 @@ mod tests {
             let demand = demand(&account, &lines);
             let most_j = followed(&account, &lines);
             let forecast_j = f64::from((account.energy_j() + demand.most_j()).max(demand.rise_j));
-            // Steps of the check, and the forecast's own f32.
+            // Tolerance for the steps of the check and the forecast's own f32.
             prop_assert!((forecast_j - most_j).abs() < 0.02 + 1e-3 * most_j, "{forecast_j} {most_j}");
         }
 
-        /// A profile may begin after the time that is returned, and not before.
+        /// A profile may start after the returned time, and not before.
         #[test]
         fn the_wait_is_as_long_as_it_has_to_be(
             lines in prop::collection::vec((-12.0_f32..12.0, 0.0_f32..0.5), 1..12),

@@ -1,4 +1,4 @@
-//! What goes wrong, and what is not begun.
+//! Faults of a drive, and refusals of requests.
 
 use core::fmt;
 
@@ -6,16 +6,16 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
-    /// A sample of the current was above the limit.
+    /// A sample of the current was above [`Limits::trip_a`](crate::Limits::trip_a).
     OverCurrent,
-    /// The bridge reports a fault of its own.
+    /// The bridge reported a fault through nFAULT.
     Bridge,
-    /// Voltage, but not the current that it drives: an open circuit, a lost current measurement,
-    /// or a hardware limit that is too low.
+    /// Voltage without the current that it should drive: an open circuit, a failed current
+    /// measurement, or a hardware limit that is too low.
     CurrentMissing,
-    /// Current without the voltage that it takes: a short in the coil.
+    /// Current without the voltage that it needs: a short in the coil.
     CurrentUnexplained,
-    /// The current did not come to its setpoint.
+    /// The current did not reach its setpoint.
     NotFollowing,
     /// The supply is below its limit.
     SupplyLow,
@@ -23,7 +23,7 @@ pub enum Fault {
     SupplyHigh,
     /// The bridge was on for too long.
     OnTime,
-    /// Too much energy.
+    /// The circuit took too much energy.
     Energy,
     /// [`Drive::apply`](crate::Drive::apply) was not called in time.
     Unattended,
@@ -70,8 +70,8 @@ impl Fault {
 }
 
 impl Fault {
-    /// Whether coil or measurement are in doubt: after this fault has been cleared, nothing is
-    /// driven before a self-test.
+    /// Whether coil or measurement are in doubt, so that after this fault has been cleared a
+    /// self-test must precede driving.
     #[must_use]
     pub const fn asks_for_a_test(self) -> bool {
         !matches!(
@@ -110,7 +110,7 @@ impl fmt::Display for Fault {
 
 impl core::error::Error for Fault {}
 
-/// Why something was not begun. Nothing has changed.
+/// Reason why a request was refused. The refused request changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
@@ -118,21 +118,21 @@ pub enum Refusal {
     Hardware(&'static str),
     /// A field of [`Limits`](crate::Limits) is out of range, or does not fit the hardware.
     Limits(&'static str),
-    /// A fault stands: clear it first.
+    /// A fault is latched: clear it first.
     Latched(Fault),
     /// The self-test has not found a coil yet.
     NotTested,
-    /// The self-test runs.
+    /// The self-test is running.
     Testing,
-    /// A current beyond the limit, or no number, A.
+    /// A current beyond the limit or not a number, A.
     Current(f32),
-    /// A duration that is negative, no number, or beyond the limit of the on-time, s.
+    /// A duration that is negative, not a number, or beyond the limit of the on-time, s.
     Duration(f32),
-    /// More energy than is left, J.
+    /// More energy than the account has left, J.
     Energy(f32),
-    /// The supply is out of its limits, V.
+    /// The supply is outside its limits, V.
     Supply(f32),
-    /// A calibration of the current that cannot be one.
+    /// An invalid calibration of the current.
     Correction,
 }
 

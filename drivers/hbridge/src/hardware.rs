@@ -1,15 +1,15 @@
-//! What is on the board, and the coil that was found at it.
+//! Parameters of the board and of the coil found on it.
 
 use crate::fault::Refusal;
 
-/// How the current falls where it has to fall faster than the shorted coil lets it.
+/// Decay mode: how the current falls when it has to fall faster than through the shorted coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Decay {
     /// Never faster: both outputs high, the coil shorted through the bridge (slow decay).
     Slow,
-    /// Both inputs low for as much of a period as it takes: the coil drives its current through
-    /// the diodes back into the supply (fast decay). The current cannot change its sign in that.
+    /// Both inputs low for the necessary part of a period: the coil drives its current through the
+    /// diodes back into the supply (fast decay). The current cannot change its sign meanwhile.
     #[default]
     Fast,
 }
@@ -22,29 +22,29 @@ pub struct Hardware {
     pub period_s: f32,
     /// Compare value of an output that is high all the time: 16 to 2048.
     pub full_level: u16,
-    /// Amperes of one count of the converter; negative where the amplifier is turned round.
+    /// Current per count of the converter, A; negative if the amplifier is reversed.
     pub ampere_per_count: f32,
-    /// Count without current, nominally.
+    /// Nominal count without current.
     pub zero_count: u16,
-    /// Counts by which the true one may differ from it.
+    /// Largest deviation of the true count without current, in counts.
     pub zero_tolerance: u16,
     /// Highest count of the converter.
     pub greatest_count: u16,
     /// Forward voltage of one diode of the bridge, V.
     pub diode_v: f32,
-    /// How the current falls.
+    /// Decay mode.
     pub decay: Decay,
-    /// From nSLEEP high to outputs that follow the inputs, s: 0 to 0.02. Meanwhile nothing is regulated,
-    /// and the bridge's fault output counts for nothing.
+    /// Time from nSLEEP high until the outputs follow the inputs, s: 0 to 0.02. Meanwhile nothing
+    /// is regulated, and the bridge's fault output is ignored.
     pub wake_s: f32,
     /// Current to which the hardware limits while [`Output::limit_low`](crate::Output::limit_low)
-    /// is set, A, where it has an input for that. Without it the self-test cannot tell whether
-    /// there is a limit.
+    /// is set, A; `None` if it has no input for that. Then the self-test cannot tell whether there
+    /// is a limit.
     pub reduced_limit_a: Option<f32>,
 }
 
 impl Hardware {
-    /// Checks ranges.
+    /// Checks the ranges of all fields.
     ///
     /// # Errors
     /// [`Refusal::Hardware`] with the field's name.
@@ -77,46 +77,46 @@ impl Hardware {
         )
     }
 
-    /// Amperes of a unit of the driver: two samples are added, so a unit is half a count.
+    /// Current per unit of the driver, A: two samples are added, so a unit is half a count.
     pub(crate) fn ampere_per_unit(&self) -> f32 {
         0.5 * self.ampere_per_count.abs()
     }
 
-    /// Whole periods in which the bridge wakes.
+    /// Number of whole periods in which the bridge wakes.
     pub(crate) fn wake_periods(&self) -> u16 {
         let periods = self.wake_s / self.period_s;
         let whole = periods as u16;
         whole + u16::from(f32::from(whole) < periods)
     }
 
-    /// A current in units; saturates.
+    /// Converts a current to units; saturates.
     pub(crate) fn units(&self, current_a: f32) -> i32 {
         (current_a / self.ampere_per_unit()) as i32
     }
 }
 
-/// A coil with everything in its circuit, as the self-test finds it.
+/// Parameters of a coil and its circuit, as found by the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CoilParameters {
-    /// Resistance of coil, bridge and supply together, ohm: what the voltage at the supply's input
-    /// has to overcome.
+    /// Resistance of coil, bridge and supply together, ohm: the resistance that the voltage at the
+    /// supply's input has to overcome.
     pub resistance_ohm: f32,
     /// Inductance, H.
     pub inductance_h: f32,
-    /// Part of a period that dead time takes from every pulse, 0 to 0.2.
+    /// Fraction of a period that dead time takes from every pulse, 0 to 0.2.
     pub lost: f32,
 }
 
 impl CoilParameters {
-    /// L/R, s.
+    /// Time constant L/R, s.
     #[must_use]
     pub fn time_constant_s(&self) -> f32 {
         self.inductance_h / self.resistance_ohm
     }
 }
 
-/// One for tests, with a unit of 3 mA.
+/// Example for tests, with a unit of 3 mA.
 #[cfg(test)]
 pub(crate) const EXAMPLE: Hardware = Hardware {
     period_s: 16e-6,

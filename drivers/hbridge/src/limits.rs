@@ -3,35 +3,36 @@
 use crate::fault::Refusal;
 use crate::hardware::Hardware;
 
-/// What no command, setting or line exceeds. Given once, when the drive is made: meant to be a
-/// constant of the program. There is no way to change it afterwards.
+/// Hard limits that no command, setting or line exceeds. Given once, when the drive is created,
+/// usually as a constant of the program, and not changeable afterwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
-    /// Greatest current that is regulated to, A.
+    /// Greatest setpoint of the current, A.
     pub current_a: f32,
-    /// Measured current at which the bridge is switched off and stays so, A: above `current_a` by
-    /// ripple, overshoot and noise, below the end of the measurement's range.
+    /// Measured current at which the bridge is switched off and stays off, A: above `current_a` by
+    /// ripple, overshoot and noise, and below the end of the measurement's range.
     pub trip_a: f32,
-    /// Greatest part of a period in which a voltage is applied, 0 to 1: the bridge's upper
+    /// Greatest fraction of a period in which a voltage is applied, 0 to 1: the bridge's upper
     /// switches may need the rest to stay supplied.
     pub duty: f32,
     /// Longest time with the bridge on, s.
     pub on_time_s: f32,
-    /// Energy that the circuit may have taken, less what it has given off since, J.
+    /// Greatest net energy of the circuit, J: energy taken less energy given off since.
     pub energy_j: f32,
-    /// Power that it gives off for ever, W: the rate at which that energy is forgotten.
+    /// Power that the circuit can give off continuously, W: the rate at which the counted energy
+    /// falls.
     pub continuous_w: f32,
-    /// Least and greatest supply, V.
+    /// Lowest and highest supply voltage, V.
     pub supply_v: [f32; 2],
-    /// Least and greatest resistance of the circuit, ohm: a short below, an open circuit above.
+    /// Lowest and highest resistance of the circuit, ohm: a short below, an open circuit above.
     pub resistance_ohm: [f32; 2],
-    /// Least and greatest inductance, H.
+    /// Lowest and highest inductance, H.
     pub inductance_h: [f32; 2],
 }
 
 impl Limits {
-    /// Checks that they make sense with this hardware.
+    /// Checks that the limits are valid for this hardware.
     ///
     /// # Errors
     /// [`Refusal::Limits`] with the field's name.
@@ -46,7 +47,7 @@ impl Limits {
         let rises = |[low, high]: [f32; 2]| low > 0.0 && high > low && high.is_finite();
         is(self.current_a > 0.0, "current_a")?;
         is(self.trip_a > self.current_a, "trip_a")?;
-        // The converter has to see it, with the zero anywhere within its tolerance.
+        // The converter has to reach the trip level, with the zero anywhere within its tolerance.
         let upwards = hardware.greatest_count - hardware.zero_count;
         let span = upwards.min(hardware.zero_count) - hardware.zero_tolerance;
         let visible_a = f32::from(span) * hardware.ampere_per_count.abs();
@@ -67,7 +68,7 @@ impl Limits {
     }
 }
 
-/// Some for tests.
+/// Example for tests.
 #[cfg(test)]
 pub(crate) const EXAMPLE: Limits = Limits {
     current_a: 10.0,

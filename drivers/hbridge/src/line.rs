@@ -1,6 +1,6 @@
-//! What the current is to do: straight lines.
+//! Setpoint of the current as straight lines.
 
-/// A straight line from one current to another, in units with 32 bits behind the point.
+/// A straight line from one current to another, in units with 32 fractional bits.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct FixedPointLine {
@@ -11,16 +11,17 @@ pub(crate) struct FixedPointLine {
     end: i32,
 }
 
-/// A moment of a line, in sixteenths of a unit.
+/// Setpoint of one period, in sixteenths of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Setpoint {
-    /// The current at the end of the period.
+    /// Current at the end of the period.
     pub(crate) at_q4: i32,
-    /// Its change within it.
+    /// Change of the current within the period.
     pub(crate) change_q4: i32,
 }
 
-/// The next line, with its division done: that takes longer than all the rest of a period.
+/// The next line with its division already done, since the division takes longer than the rest of a
+/// period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ahead {
     to: i32,
@@ -32,17 +33,17 @@ const POINT: u32 = 32;
 const TO_Q4: u32 = POINT - 4;
 
 impl FixedPointLine {
-    /// Goes from here to `to` in so many periods; at once in none.
+    /// Starts a line from the present current to `to` in `periods` periods; a step if zero.
     pub(crate) fn go(&mut self, to: i32, periods: u32) {
         self.follow(&Ahead::from(self.now, to, periods));
     }
 
-    /// What comes after this line's end.
+    /// Prepares the line that starts at this line's end.
     pub(crate) fn ahead(&self, to: i32, periods: u32) -> Ahead {
         Ahead::from(i64::from(self.end) << POINT, to, periods)
     }
 
-    /// Goes on with a line that begins here.
+    /// Continues with a prepared line that starts at the present current.
     #[inline]
     pub(crate) fn follow(&mut self, ahead: &Ahead) {
         self.end = ahead.to;
@@ -54,7 +55,7 @@ impl FixedPointLine {
         }
     }
 
-    /// The next period.
+    /// Advances by one period.
     #[inline]
     pub(crate) fn advance(&mut self) {
         if self.left == 0 {
@@ -69,7 +70,7 @@ impl FixedPointLine {
         }
     }
 
-    /// The setpoint of the period that was advanced to.
+    /// The setpoint of the present period.
     #[inline]
     pub(crate) const fn setpoint(&self) -> Setpoint {
         Setpoint {
@@ -83,13 +84,13 @@ impl FixedPointLine {
         self.left == 0
     }
 
-    /// Whether the last period was the last of a slope.
+    /// Whether the last period was the last one of a slope.
     #[inline]
     pub(crate) const fn ends(&self) -> bool {
         self.change_q4 != 0
     }
 
-    /// The same without its sixteenths.
+    /// The setpoint in whole units.
     #[inline]
     pub(crate) const fn now(&self) -> i32 {
         (self.now >> POINT) as i32

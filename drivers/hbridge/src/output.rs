@@ -1,16 +1,16 @@
-//! What goes to the bridge.
+//! Outputs to the bridge.
 
 use crate::hardware::Decay;
 use crate::line::FixedPointLine;
 
-/// Compare values of the PWM's two outputs: how much of a period each is high. The pulses are
-/// centred on the count's zero, where samples of a phase-correct PWM are taken.
+/// Compare values of the PWM's two outputs: the part of a period for which each is high. The pulses
+/// are centred on the count's zero, where samples of a phase-correct PWM are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Of IN1.
+    /// Compare value of IN1.
     pub in1: u16,
-    /// Of IN2.
+    /// Compare value of IN2.
     pub in2: u16,
 }
 
@@ -18,33 +18,33 @@ pub struct Levels {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Output {
-    /// Level of nSLEEP. When it is low both inputs have to be low as well.
+    /// Level of nSLEEP. If it is low, both inputs have to be low as well.
     pub awake: bool,
-    /// From the next period on.
+    /// Compare values from the next period on.
     pub levels: Levels,
-    /// The hardware's limit is to be reduced, where it can be (self-test only).
+    /// Whether to reduce the hardware's current limit, if the board can (self-test only).
     pub limit_low: bool,
 }
 
 impl Output {
-    /// Everything off: the current dies through the diodes.
+    /// Everything off: the current decays through the diodes.
     pub const OFF: Self = Self {
         awake: false,
         levels: Levels { in1: 0, in2: 0 },
         limit_low: false,
     };
 
-    /// Awake, without voltage yet.
+    /// Awake, without voltage.
     pub(crate) const WAKING: Self = Self {
         awake: true,
         ..Self::OFF
     };
 }
 
-/// A current below this, in units, has no sign worth following.
+/// Current below which its sign is ignored, units.
 const NO_SIGN: i32 = 8;
 
-/// How a mean voltage becomes pulses.
+/// Turns a mean voltage into pulses.
 ///
 /// - both high: the coil is shorted, its current decays slowly;
 /// - one high: the supply drives;
@@ -53,32 +53,32 @@ const NO_SIGN: i32 = 8;
 #[repr(C)]
 pub(crate) struct Shaper {
     pub(crate) full: i32,
-    /// Supply over supply and two diodes, in 1/256.
+    /// Supply divided by supply plus two diodes, in 1/256.
     pub(crate) coast_q8: i32,
     pub(crate) decay: Decay,
 }
 
 impl Shaper {
-    /// Pulses for a signed level; also the level that they amount to.
+    /// Pulses for a signed level, and the level that they achieve.
     #[inline]
     pub(crate) fn shape(&self, level: i32, measured: i32, line: &FixedPointLine) -> (i32, Levels) {
-        // Signs that differ.
+        // The signs of level and current differ.
         if level ^ measured < 0
             && let Some(opposed) = self.oppose(level, measured, line.setpoint().at_q4)
         {
             return opposed;
         }
-        // The level where it is negative, otherwise 0.
+        // The level if negative, otherwise 0.
         let negative = level & (level >> 31);
         let full = self.full;
         (level, levels([full + negative, full - (level - negative)]))
     }
 
-    /// The same for a level against the current, if it is one that is not driven.
+    /// Pulses for a level against the current; `None` if the supply drives that level.
     #[inline(never)]
     fn oppose(&self, level: i32, measured: i32, setpoint: i32) -> Option<(i32, Levels)> {
         let opposes = (level > 0 && measured < -NO_SIGN) || (level < 0 && measured > NO_SIGN);
-        // The way through zero into the other direction is driven.
+        // A current that crosses zero into the other direction is driven by the supply.
         let crosses = (level > 0 && setpoint > 0) || (level < 0 && setpoint < 0);
         if !opposes || crosses {
             return None;
@@ -94,7 +94,7 @@ impl Shaper {
     }
 }
 
-/// Between 0 and the full level, which came from 16 bits.
+/// The values lie between 0 and the full level, which came from 16 bits.
 #[inline]
 const fn levels([in1, in2]: [i32; 2]) -> Levels {
     Levels {
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_voltage_against_it_coasts_or_shorts() {
-        // 100 * 230 / 256 = 89 of 960 low on both.
+        // 100 * 230 / 256 = 89 of 960 are low on both.
         assert_eq!(shape(&FAST, -100, 500, 100), (-100, levels(871, 871)));
         assert_eq!(shape(&FAST, 100, -500, 0), (100, levels(871, 871)));
         let slow = Shaper {

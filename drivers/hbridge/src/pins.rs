@@ -1,4 +1,4 @@
-//! The bridge behind embedded-hal's traits, where a HAL gives them.
+//! The bridge on pins of `embedded-hal`'s traits.
 
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal::pwm::SetDutyCycle;
@@ -7,8 +7,8 @@ use crate::output::Output;
 
 /// A bridge with inputs IN1 and IN2 on two outputs of one phase-correct PWM, nSLEEP and nFAULT.
 ///
-/// Where both compare values lie in one register, writing that register is shorter and changes both
-/// at once: a program may do so instead, and needs nothing of this.
+/// If both compare values are in one register, writing that register is shorter and changes both at
+/// once; a program may do that instead of using this type.
 #[derive(Debug)]
 pub struct HBridge<A, B, S, F> {
     in1: A,
@@ -18,7 +18,7 @@ pub struct HBridge<A, B, S, F> {
     full_level: u16,
 }
 
-/// Which pin failed, and how.
+/// The pin that failed, with its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PinError<A, B, S> {
@@ -30,7 +30,7 @@ pub enum PinError<A, B, S> {
     Sleep(S),
 }
 
-/// The error of a bridge with these pins.
+/// Error of a bridge with these pins.
 type PinFailure<A, B, S> = PinError<
     <A as embedded_hal::pwm::ErrorType>::Error,
     <B as embedded_hal::pwm::ErrorType>::Error,
@@ -38,7 +38,7 @@ type PinFailure<A, B, S> = PinError<
 >;
 
 impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, S, F> {
-    /// A bridge, put to sleep.
+    /// Creates a bridge and puts it to sleep.
     ///
     /// # Errors
     /// A pin failed.
@@ -59,10 +59,11 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
         Ok(bridge)
     }
 
-    /// Applies the output of the drive. The bridge goes to sleep before the levels change, and wakes after.
+    /// Applies the output of the drive. The bridge goes to sleep before the levels change, and
+    /// wakes after they have changed.
     ///
     /// # Errors
-    /// A pin failed. The others have been tried all the same.
+    /// A pin failed. The other pins have been set nevertheless.
     pub fn apply(&mut self, output: &Output) -> Result<(), PinFailure<A, B, S>> {
         let asleep = if output.awake {
             Ok(())

@@ -1,95 +1,96 @@
-//! A small known change of the current, to see that its measurement follows.
+//! Small known changes of the current, to check that its measurement follows.
 //!
-//! Where a current is held, a measurement that is frozen at it looks like one that works: there is
-//! no error to regulate, and what truly flows goes where noise, heat and rounding take it. Voltage
-//! and resistance show that late: copper may have 0.6 to 1.6 times the resistance of its test. So a
-//! held current is raised and lowered a little now and then. A measurement that works follows,
-//! whatever coil, supply and wide codes of the converter do, since the regulator sees to it; a
-//! frozen one does not.
+//! While a current is held, a frozen measurement looks like a working one: there is no error to
+//! regulate, and the true current drifts with noise, heat and rounding. Voltage and resistance
+//! reveal that late: copper may have 0.6 to 1.6 times the resistance of its test. So a held current
+//! is raised and lowered a little from time to time. A working measurement follows, since the
+//! regulator ensures it, whatever coil, supply and wide codes of the converter do; a frozen one
+//! does not.
 
 use crate::averages::BLOCK;
 use crate::drive::{DriveState, Report};
 
-/// How far the current is raised and then lowered, units: 4 counts of the converter, 26 mA of the
-/// reference board. As far up as down: what a frozen measurement lets the current do meanwhile
-/// cancels, and so does the mean.
+/// Amount by which the current is raised and then lowered, units: 4 counts of the converter, 26 mA
+/// of the reference board. Both are equal, so that the drift during a frozen measurement cancels,
+/// and so does the mean.
 const STEP: i32 = 8;
-/// Steps from the held current in turn: up, down, and four times not at all.
+/// Steps from the held current in turn: up, down, and four without a change.
 const STEPS: [i32; 6] = [STEP, -STEP, 0, 0, 0, 0];
-/// Blocks, 256 us of the reference board, that the regulator has for a step, and over which a mean
-/// is taken then: with noise of 2 counts it scatters by 0.25 units.
+/// Blocks, each 256 us on the reference board, in which the regulator settles after a step, and
+/// over which a mean is then taken: with noise of 2 counts the mean scatters by 0.25 units.
 const SETTLES: u32 = 4;
 const MEANS: u32 = 8;
-/// Means that differ by no more than this, units, are all the same: twelve standard deviations. A
-/// supply that changes may hide one step, but does not make six means equal.
+/// Largest difference of means that count as equal, units: twelve standard deviations. A changing
+/// supply may hide one step, but does not make six means equal.
 const SAME: f32 = 3.0;
-/// Turns in a row without any difference that are a fault.
+/// Number of successive turns without a difference that are a fault.
 const TURNS: u8 = 3;
-/// Blocks for which a current is held before the first time: a hold in a train of ramps is shorter,
-/// and the ramps themselves show that the measurement follows.
+/// Blocks for which a current is held before the first probe: a hold in a train of ramps is
+/// shorter, and the ramps themselves show that the measurement follows.
 const HELD: u32 = 200;
 /// Blocks from one poll to the next, by which each wait may be longer.
 const LOOK: u32 = 4;
 
-/// Periods within which a measurement that freezes is found, where the current has been held for
-/// [`HELD_BEFORE`] periods: three turns, after one that had begun already.
+/// Periods within which a freezing measurement is detected, if the current has been held for
+/// [`HELD_BEFORE`] periods: three turns, after one that had already started.
 pub const FROZEN_WITHIN: u32 =
     (TURNS as u32 + 1) * STEPS.len() as u32 * (SETTLES + MEANS + 2 * LOOK) * BLOCK;
-/// See [`FROZEN_WITHIN`].
+/// Periods for which a current is held before it is probed; see [`FROZEN_WITHIN`].
 pub const HELD_BEFORE: u32 = HELD * BLOCK;
 
-/// What is to be done.
+/// Next action of the probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Next {
     Nothing,
-    /// To hold this current, units.
+    /// Hold this current, units.
     Hold(i32),
     /// The measurement is frozen.
     Frozen,
 }
 
-/// What it needs to know of the board: units, and a level.
+/// Limits of the board: currents in units, and a level.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    /// Least current with which it is done, and the greatest that is regulated to.
+    /// Lowest current that is probed, and the greatest setpoint.
     pub(crate) currents: [i32; 2],
-    /// By how much a current may miss its setpoint.
+    /// Largest tracking error of a current.
     pub(crate) tracking_error: i32,
-    /// Level below which a current surely is reached.
+    /// Level below which a current is surely reached.
     pub(crate) top: i32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
-    /// The current has not been held for long enough.
+    /// Waits until the current has been held for long enough.
     #[default]
     Held,
-    /// A step settles.
+    /// Waits for a step to settle.
     Settles,
-    /// Its mean is taken.
+    /// Takes the mean.
     Means,
 }
 
-/// Where it stands.
+/// State of the probe.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Probe {
     stage: Stage,
-    /// Which of [`STEPS`].
+    /// Index into [`STEPS`].
     step: usize,
-    /// The current that is held, and the setpoint just now.
+    /// The held current, and the present setpoint.
     held: i32,
     setpoint: i32,
-    /// Sums of units and levels, and blocks, when the stage began.
+    /// Sums of units and levels, and number of blocks, at the start of the stage.
     since: (i32, i32, u32),
-    /// Least and greatest of the means that are all the same, and for how many turns they are.
+    /// Lowest and highest of the means that count as equal, and the number of turns for which they
+    /// have.
     range: Option<[f32; 2]>,
     turns: u8,
-    /// The level was at its top with the current raised.
+    /// Whether the level was at its top with the current raised.
     at_top: bool,
 }
 
 impl Probe {
-    /// Polls the drive.
+    /// Polls the drive and returns the next action.
     pub(crate) fn poll(&mut self, report: &Report, reach: &Reach) -> Next {
         let [least, _] = reach.currents;
         let (_, _, begun) = self.since;
@@ -126,7 +127,7 @@ impl Probe {
         }
     }
 
-    /// Takes the mean of a step, and goes to the next.
+    /// Takes the mean of a step, and advances to the next step.
     fn take(&mut self, report: &Report, reach: &Reach) {
         let (units, levels, blocks) = self.since;
         let periods = (report.blocks.wrapping_sub(blocks) * BLOCK) as f32;
@@ -147,12 +148,12 @@ impl Probe {
         }
     }
 
-    /// The current of the present step.
+    /// Sets the current of the present step.
     fn hold(&mut self, reach: &Reach) -> Next {
         let [_, most] = reach.currents;
         let mut step = STEPS.get(self.step).copied().unwrap_or_default();
         if step < 0 && self.at_top {
-            // Down to where it is reached for sure.
+            // Lowers the current until it is surely reached.
             step -= reach.tracking_error;
         }
         let setpoint = self.held + step * self.held.signum();

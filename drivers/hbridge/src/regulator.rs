@@ -1,59 +1,59 @@
-//! The law of the regulator: where the current will be at the end of this period, and the voltage
-//! that brings it to its setpoint at the end of the next.
+//! Control law of the regulator: predicts the current at the end of this period, and computes the
+//! voltage that brings it to its setpoint at the end of the next.
 //!
 //! All in integers. Currents are in units of half a count of the converter, since two samples are
-//! added; voltages in levels of the PWM, that is in parts of the supply. With u the level, V the
-//! supply and F the level that is always high, a period of length T changes the current by
+//! added; voltages are in levels of the PWM, that is in parts of the supply. With u the level, V
+//! the supply and F the level that is always high, a period of length T changes the current by
 //!
 //! di = pull (u - drop i),  pull = V/(R F) (1 - exp(-R T/L)),  drop = R F/V.
 //!
-//! Samples lie at the beginning and in the middle of a period of phase-correct PWM. There the
+//! Samples are taken at the start and in the middle of a period of phase-correct PWM. There the
 //! ripple passes through its mean, so their mean is the current a quarter of a period after the
-//! beginning, and three quarters of that change are still to come.
+//! start, and three quarters of that change are still to come.
 
 use crate::fault::Refusal;
 use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::line::{FixedPointLine, Setpoint};
 
-/// Bits behind the point of a level.
+/// Fractional bits of a level.
 pub(crate) const LEVEL: u32 = 12;
-/// Part of an error that the next period is to take away, in eighths. Seven leave room for an
-/// inductance that is an eighth less than it was found to be.
+/// Part of an error that the next period is to remove, in eighths. Seven leave room for an
+/// inductance that is an eighth lower than the tested one.
 const EIGHTHS: i32 = 7;
 
-/// Part of what a period did otherwise than expected that is taken for a voltage which will stay,
-/// as a power of two: a quarter.
+/// Part of a period's deviation that is learned as a lasting voltage, as a power of two: a quarter.
 const LEARN_SHIFT: u32 = 2;
 
-/// Periods from one trim to the next while the current is at its setpoint.
+/// Periods between two trims while the current is at its setpoint.
 const TRIM_PERIODS: u32 = 8;
-/// Part of the voltage that the mean error takes in the long run, as a power of two: half.
+/// Part of the voltage for the mean error that is learned for the long term, as a power of two:
+/// half.
 const FOREVER_SHIFT: u32 = 1;
-/// Part of the voltage that would take the mean error away in one period, as a power of two: in
-/// eight, all of it. These three were chosen together: other neighbours miss the bars of
-/// `coil_drive` for ramps or repeatability where the converter's wide codes lie.
+/// Part of the voltage that would remove the mean error in one period, as a power of two: over
+/// eight periods all of it. These three constants were chosen together: neighbouring values miss
+/// the limits of `coil_drive` for ramps or repeatability at the converter's wide codes.
 const TRIM_SHIFT: u32 = 3;
 
-/// What the law multiplies by: settings, brought down to integers.
+/// Factors of the law as integers, derived from the settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gains {
-    /// 1/pull, levels of 2^-12 for a unit.
+    /// 1/pull, in levels of 2^-12 per unit.
     pub(crate) kick: i32,
-    /// Levels of 2^-12 for a unit.
+    /// Voltage for the resistance, in levels of 2^-12 per unit.
     pub(crate) drop: i32,
-    /// Units of 2^-10 for a level.
+    /// Change of the current in a period, in units of 2^-10 per level.
     pub(crate) pull: i32,
-    /// Levels of 2^-12 that dead time takes.
+    /// Voltage lost to dead time, in levels of 2^-12.
     pub(crate) lost: i32,
     /// Greatest level, in 2^-12.
     pub(crate) most: i32,
-    /// Greatest error that is of use, in sixteenths of a unit.
+    /// Greatest error that the law uses, in sixteenths of a unit.
     reach: i32,
 }
 
 impl Gains {
-    /// For a coil at a supply.
+    /// Computes the gains for a coil and a supply.
     pub(crate) fn new(
         hardware: &Hardware,
         limits: &Limits,
@@ -62,13 +62,13 @@ impl Gains {
     ) -> Result<Self, Refusal> {
         let full = f32::from(hardware.full_level);
         let unit_a = hardware.ampere_per_unit();
-        // (1 - exp(-x))/x with x = R T/L, within 0.1 % for x below 1: the current's own change in a
-        // period slows it down.
+        // (1 - exp(-x))/x with x = R T/L, within 0.1 % for x below 1: the change of the current
+        // within a period slows the change down.
         let x = hardware.period_s / coil.time_constant_s();
         let slowed = 1.0 / (1.0 + x * (0.5 + x / 12.0));
         let pull = supply_v * hardware.period_s * slowed / (coil.inductance_h * full * unit_a);
         let drop = coil.resistance_ohm * unit_a * full / supply_v;
-        // Within what 32 bits hold in `step`, for twice the full level either way.
+        // Limits that keep `step` within 32 bits, for twice the full level either way.
         if !(pull > 0.01 && pull * full < 7_500.0) {
             return Err(Refusal::Limits("inductance_h"));
         }
@@ -88,23 +88,24 @@ impl Gains {
     }
 }
 
-/// What the law remembers.
+/// State of the law.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct Regulator {
     /// Level of the period under way.
     pub(crate) level: i32,
-    /// The level that keeps the current at its setpoint, in 2^-12, within the greatest.
+    /// The level that keeps the current at its setpoint, in 2^-12, within the greatest level.
     steady: i32,
-    /// What the last whole level left of the level that was computed, in 2^-12.
+    /// Difference of the computed level and the last whole level, in 2^-12.
     residue: i32,
-    /// Sum of the errors since the level was last trimmed.
+    /// Sum of the errors since the last trim.
     off: i32,
-    /// Periods at its setpoint since then, and [`TRIM_PERIODS`]; 0 after the law was asked.
+    /// Periods at the setpoint since the last trim, plus [`TRIM_PERIODS`] after one; 0 after the
+    /// law was evaluated.
     rested: u32,
-    /// The current that the law expected at the beginning of the period, in sixteenths of a unit.
+    /// Current that the law expected at the start of the period, in sixteenths of a unit.
     expected_q4: i32,
-    /// Voltage that something unknown takes, level in 2^-12.
+    /// Voltage lost to unknown causes, as a level in 2^-12.
     unknown: i32,
 }
 
@@ -122,16 +123,15 @@ impl Default for Regulator {
     }
 }
 
-/// Within plus and minus a limit. Without the check of `clamp`, which could panic.
+/// Limits a value to plus and minus `most`, without the check of `clamp`, which could panic.
 #[inline]
 fn within(value: i32, most: i32) -> i32 {
     value.min(most).max(-most)
 }
 
 impl Regulator {
-    /// The law is made anew for a supply or a resistance that have changed. What that took has been
-    /// learned already, a little at a time: it moves from what is unknown to what is known, and the
-    /// level stays.
+    /// Adapts to a new law for a changed supply or resistance. Their effect has already been
+    /// learned bit by bit: it moves from the unknown to the known voltage, and the level stays.
     pub(crate) fn adapt(&mut self, from: &Gains, to: &Gains, setpoint: Setpoint) {
         let known = |gains: &Gains| {
             let slope = gains.kick * within(setpoint.change_q4, gains.reach);
@@ -143,10 +143,10 @@ impl Regulator {
 
     /// The level for the next period, in 2^-12, which may oppose the current.
     ///
-    /// Where the current of the period under way differs from what was expected of it, some voltage
-    /// has gone elsewhere: a hotter coil, a weaker supply, dead time. That voltage is learned and
-    /// given on top. It takes the place of an integral, and cannot wind up: it compares with what
-    /// the given voltage should have done, not with the setpoint.
+    /// If the current of this period differs from the expected one, some voltage was lost: to a
+    /// hotter coil, a weaker supply, dead time. That voltage is learned and added. It replaces an
+    /// integral and cannot wind up: it compares with the expected effect of the applied voltage,
+    /// not with the setpoint.
     #[inline(never)]
     pub(crate) fn step(&mut self, gains: &Gains, line: &FixedPointLine, measured: i32) -> i32 {
         let lost = gains.lost * measured.signum();
@@ -164,8 +164,8 @@ impl Regulator {
         within(self.law(gains, line.setpoint()), gains.most)
     }
 
-    /// The level that brings the current to its setpoint; without that, the one that keeps it
-    /// there becomes the steady one.
+    /// Returns the level that brings the current to its setpoint; stores as `steady` the level that
+    /// keeps it there.
     #[inline]
     fn law(&mut self, gains: &Gains, setpoint: Setpoint) -> i32 {
         let expected_q4 = self.expected_q4;
@@ -178,13 +178,13 @@ impl Regulator {
         let at = gains.drop * (setpoint.at_q4 >> 4);
         let steady = at + slope + lost + self.unknown;
         self.steady = within(steady, gains.most);
-        // What the current has, not what it is to have, is what the voltage has to overcome.
+        // The voltage has to overcome the resistance at the actual current, not at the setpoint.
         steady + push + gains.drop * ((expected_q4 - setpoint.at_q4) >> 4)
     }
 
-    /// The same while the current is at its setpoint, `off` units from it: the
-    /// law is not asked. Every eight periods their mean error trims the level, and what it takes
-    /// for ever is learned: eight measurements are less noisy than one.
+    /// Returns the steady level while the current is at its setpoint, `off` units from it; the law
+    /// is not evaluated. Every eight periods the mean error trims the level, and the lasting part
+    /// is learned: eight measurements are less noisy than one.
     #[inline]
     pub(crate) fn rest(&mut self, gains: &Gains, line: &FixedPointLine, off: i32) -> i32 {
         self.off += off;
@@ -199,13 +199,13 @@ impl Regulator {
     fn trim(&mut self, gains: &Gains, line: &FixedPointLine) {
         const PERIODS: i32 = TRIM_PERIODS as i32;
         let setpoint = line.setpoint();
-        // The mean, in sixteenths of a unit.
+        // The mean error, in sixteenths of a unit.
         let off_q4 = within(self.off * (16 / PERIODS), gains.reach);
         (self.off, self.rested) = (0, TRIM_PERIODS);
         let forever = (gains.drop * off_q4) >> (4 + FOREVER_SHIFT);
         self.unknown = within(self.unknown + forever, gains.most >> 1);
         let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
-        // The middle of the next eight.
+        // The middle of the next eight periods.
         let at = (setpoint.at_q4 + (PERIODS / 2) * setpoint.change_q4) >> 4;
         let slope = (gains.kick * within(setpoint.change_q4, gains.reach)) >> 4;
         let lost = gains.lost * at.signum();
@@ -213,7 +213,8 @@ impl Regulator {
         self.steady = within(steady, gains.most);
     }
 
-    /// The whole level for a level in 2^-12, `top` at most; what is left comes the next time.
+    /// Returns the whole level for a level in 2^-12, at most `top`; the remainder is carried to the
+    /// next period.
     #[inline]
     pub(crate) fn dither(&mut self, setpoint: i32, top: i32) -> i32 {
         const HALF: i32 = 1 << (LEVEL - 1);
@@ -226,7 +227,7 @@ impl Regulator {
         level
     }
 
-    /// The same where that is beyond the top.
+    /// Handles a level beyond `top`.
     #[inline(never)]
     fn bound(&mut self, fine: i32, top: i32) -> i32 {
         let level = if fine > 0 { top } else { -top };

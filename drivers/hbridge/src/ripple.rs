@@ -1,31 +1,32 @@
 //! PWM ripple, invisible to mid-pulse sampling.
 
-/// The ripple of the current, from what makes it.
+/// The ripple of the current, computed from supply and circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ripple {
-    /// Supply without load.
+    /// Supply voltage without load.
     pub(crate) open_v: f32,
-    /// What the supply has, which is in the circuit while it drives.
+    /// Resistance of the supply, which is in the circuit while the supply drives.
     pub(crate) source_ohm: f32,
-    /// Coil and bridge.
+    /// Resistance of coil and bridge.
     pub(crate) resistance_ohm: f32,
     pub(crate) inductance_h: f32,
     pub(crate) period_s: f32,
 }
 
 impl Ripple {
-    /// Mean square of the ripple about a mean current, A²: what goes by the square of the current
-    /// sees `mean_a² + square_a2`.
+    /// Mean square of the ripple about a mean current, A²: an effect that depends on the square of
+    /// the current depends on `mean_a² + square_a2`.
     ///
     /// A coil that is driven for the part d = R I/V of a period and shorted for the rest has a
-    /// triangle of R I (1 − d) T/L, peak to peak, about its mean, whose variance is a twelfth of the
-    /// square; V is what the supply's own resistance leaves of it meanwhile. 10 % off while R T/L,
-    /// by which the resistance bends it, is below one half.
+    /// triangular ripple of R I (1 − d) T/L, peak to peak, about its mean; its variance is a
+    /// twelfth of the square. V is the supply voltage less the drop in the supply's own resistance
+    /// meanwhile. The result is off by 10 % while R T/L, by which the resistance bends the
+    /// triangle, is below one half.
     #[must_use]
     pub fn square_a2(&self, mean_a: f32) -> f32 {
         let drop_v = mean_a.abs() * self.resistance_ohm;
         let driven_v = self.open_v - mean_a.abs() * self.source_ohm;
-        // Written so that what is no number has none.
+        // Written so that NaN has no ripple.
         if !(drop_v > 0.0 && drop_v < driven_v) {
             return 0.0;
         }
@@ -48,7 +49,7 @@ mod tests {
             inductance_h: 20e-6,
             period_s: 16e-6,
         };
-        // 10 A take half of the time: 6 V for 8 us on 20 uH are 2.4 A, and 2.4²/12 = 0.48.
+        // 10 A need half of the time: 6 V for 8 us on 20 uH are 2.4 A, and 2.4²/12 = 0.48.
         assert!((ripple.square_a2(10.0) - 0.48).abs() < 1e-6);
         assert!((ripple.square_a2(-10.0) - 0.48).abs() < 1e-6);
         for none in [0.0, 20.0, 1e9, f32::NAN, f32::INFINITY] {

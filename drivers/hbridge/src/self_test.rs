@@ -1,44 +1,45 @@
-//! The self-test: what is connected to the bridge, and whether it may be driven.
+//! The self-test: finds the parameters of the load, and decides whether it may be driven.
 //!
-//! Voltage in steps, current as it comes; nothing is regulated yet. The integer half runs with the
-//! PWM and adds up; [`evaluate`] makes numbers of the sums.
+//! It applies voltage steps and measures the current without regulation. The integer half runs with
+//! the PWM and sums up; [`evaluate`] computes the parameters from the sums.
 //!
-//! 1. Bridge asleep: what current still flows dies away, then the mean reading is the zero. Then it wakes.
+//! 1. Bridge asleep: remaining current decays, then the mean reading is the zero. Then the bridge
+//!    wakes.
 //! 2. The level rises, to the full one within [`RISE_PERIODS`], until [`TARGET_A`] flows.
-//! 3. It rests there, then at up to [`FACTOR`] times the level: two points of a straight line,
-//!    whose slope is the resistance and whose foot is what dead time takes.
+//! 3. It stays there, then at up to [`FACTOR`] times the level: two points of a straight line,
+//!    whose slope is the resistance and whose intercept is the dead time.
 //! 4. The area between the second current and its rise is the time constant times the step.
-//! 5. Once more with the hardware's limit reduced, where that can be done.
+//! 5. The same again with the hardware's limit reduced, if the board can reduce it.
 
 use crate::fault::Fault;
 use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::output::Levels;
 
-/// Current of the first point, A: enough counts for a percent, little heat.
+/// Current of the first point, A: enough counts for one per cent, and little heat.
 pub(crate) const TARGET_A: f32 = 1.0;
-/// What a self-test counts as, J, whatever it measures: one that measures nothing because the
-/// current measurement is dead may have driven a few amperes for 60 ms.
+/// Energy charged for a self-test, J, whatever it measures: with a dead current measurement it
+/// measures nothing, but may have driven a few amperes for 60 ms.
 pub const SELF_TEST_J: f32 = 1.0;
-/// Level of the second point over that of the first.
+/// Ratio of the second level to the first.
 const FACTOR: i32 = 4;
-/// Periods in which the voltage would rise to the full one: 0.12 s at 16 us, so slowly that the
-/// current of a coil is at rest meanwhile, however many levels there are.
+/// Periods in which the voltage would rise to the full one: 0.12 s at 16 us, so slow that the
+/// current of a coil follows without lag, however many levels there are.
 const RISE_PERIODS: i32 = 7_680;
-/// Periods for the zero.
+/// Periods over which the zero is averaged.
 const ZERO_PERIODS: u16 = 64;
-/// Periods for a current to come to rest: 5 ms at 16 us, 8 time constants of 200 uH and 0.33 ohm.
+/// Periods for a current to settle: 5 ms at 16 us, 8 time constants of 200 uH and 0.33 ohm.
 const REST_PERIODS: u16 = 320;
-/// Periods over which a current at rest is averaged.
+/// Periods over which a settled current is averaged.
 const MEAN_PERIODS: u16 = 256;
-/// Periods over which a rise is added up: five time constants of 200 uH and 0.5 ohm.
+/// Periods over which a rise is summed: five time constants of 200 uH and 0.5 ohm.
 const AREA_PERIODS: u16 = 128;
-/// Rises that are averaged.
+/// Number of rises that are averaged.
 const RISES: u8 = 2;
-/// Current above which a reduced limit has not acted, as a part of it.
+/// Current at which a reduced limit has failed to act, as a multiple of the limit.
 const LIMIT_TOLERANCE: f32 = 1.5;
 
-/// What the integer half needs to know.
+/// Parameters of the integer half.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TestPlan {
     pub(crate) full: i32,
@@ -46,27 +47,27 @@ pub(crate) struct TestPlan {
     pub(crate) most: i32,
     /// [`TARGET_A`] in units.
     pub(crate) target: i32,
-    /// Current at which the rest is not begun, units.
+    /// Current at which the remaining steps are not started, units.
     pub(crate) too_much: i32,
     pub(crate) test_limit: bool,
     /// Periods in which the bridge wakes.
     pub(crate) wake_periods: u16,
-    /// Twice the nominal reading without current, and how far off it may be.
+    /// Twice the nominal reading without current, and its largest deviation.
     pub(crate) twice_zero: [i32; 2],
 }
 
-/// The sums.
+/// Sums of the self-test.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct TestSums {
-    /// Of two samples without current, over [`ZERO_PERIODS`].
+    /// Sum of both samples without current, over [`ZERO_PERIODS`].
     zero: i32,
-    /// Level of the first point, and its units over [`MEAN_PERIODS`].
+    /// Level of the first point, and its sum of units over [`MEAN_PERIODS`].
     low: (i32, i32),
-    /// Of the second, over all rises.
+    /// Level and sum of the second point, over all rises.
     high: (i32, i32),
-    /// Units over [`AREA_PERIODS`] after every step, of all rises.
+    /// Sum of units over [`AREA_PERIODS`] after every step, of all rises.
     area: i32,
-    /// Units with the limit reduced, over [`MEAN_PERIODS`].
+    /// Sum of units with the limit reduced, over [`MEAN_PERIODS`].
     limited: Option<i32>,
 }
 
@@ -87,7 +88,7 @@ enum Stage {
     Over,
 }
 
-/// The integer half.
+/// The integer half of the self-test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SelfTest {
     plan: TestPlan,
@@ -95,12 +96,12 @@ pub(crate) struct SelfTest {
     left: u16,
     rises: u8,
     level: i32,
-    /// What the rising voltage is above its level, in parts of one: of [`RISE_PERIODS`].
+    /// Fractional part of the rising level, in parts of [`RISE_PERIODS`].
     rest: i32,
     sums: TestSums,
 }
 
-/// What a period of the test wants.
+/// Outputs of the test for one period.
 pub(crate) enum TestStep {
     On {
         levels: Levels,
@@ -132,7 +133,7 @@ impl SelfTest {
         is_known.then_some(twice_zero(&self.sums))
     }
 
-    /// A period: the sum of its two samples.
+    /// Runs one period; `sum` is the sum of its two samples.
     pub(crate) fn step(&mut self, sum: i32) -> TestStep {
         if self.stage == Stage::Asleep {
             self.next(Stage::Zero, ZERO_PERIODS);
@@ -250,7 +251,7 @@ impl SelfTest {
         None
     }
 
-    /// Counts a period, and goes on after the last.
+    /// Counts a period, and enters the next stage after the last.
     fn next(&mut self, stage: Stage, periods: u16) -> bool {
         self.left = self.left.saturating_sub(1);
         let over = self.left == 0;
@@ -271,20 +272,20 @@ fn twice_zero(sums: &TestSums) -> i32 {
     (sums.zero + periods / 2) / periods
 }
 
-/// What the self-test found.
+/// Results of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Findings {
     /// Reading without current, in counts.
     pub zero_count: f32,
-    /// The circuit.
+    /// Parameters of the circuit.
     pub coil: CoilParameters,
-    /// The current to which the hardware limited it with its limit reduced, A; nothing where that
-    /// cannot be tested.
+    /// Current to which the hardware limited with its limit reduced, A; `None` if the board cannot
+    /// reduce it.
     pub limited_to_a: Option<f32>,
 }
 
-/// Makes numbers of the sums.
+/// Computes the results from the sums.
 pub(crate) fn evaluate(
     sums: &TestSums,
     hardware: &Hardware,
@@ -306,7 +307,7 @@ pub(crate) fn evaluate(
     let resistance_ohm = step_v / step_a;
     let foot_v = sums.low.0 as f32 / full * supply_v - low_a * resistance_ohm;
     let lost = (foot_v / supply_v).clamp(0.0, 0.2);
-    // The first period after a step is measured a quarter of it after its beginning: the sum of
+    // The first period after a step is measured a quarter of it after its start: the sum of
     // exp(-t/tau) at T/4, 5T/4, ... is tau/T + 1/4 + T/(96 tau) + ...
     let area = f32::from(AREA_PERIODS) * high_a - sums.area as f32 / rises * unit_a;
     let tau_s = (area / step_a - 0.25) * hardware.period_s;
@@ -316,7 +317,7 @@ pub(crate) fn evaluate(
     if resistance_ohm < least_ohm || inductance_h < least_h {
         return Err(Fault::Short);
     }
-    // Negated, so that NaN fails.
+    // Negated, so that NaN fails too.
     if !(resistance_ohm <= most_ohm && inductance_h <= most_h) {
         return Err(Fault::NotACoil);
     }

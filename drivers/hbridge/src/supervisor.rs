@@ -16,14 +16,15 @@ use crate::ripple::Ripple;
 use crate::self_test::{Findings, SELF_TEST_J, TARGET_A, TestPlan, evaluate};
 use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
 
-/// Relative change of supply or resistance at which the law is made anew: far below what the law
-/// learns by itself.
+/// Relative change of supply or resistance at which the law is recomputed: far below the change
+/// that the law learns by itself.
 const CHANGE: f32 = 0.02;
-/// Most of the time that one poll may stand for, us: a clock that jumps forgets no energy.
+/// Longest time that one poll may cover, us, so that a clock that jumps does not erase counted
+/// energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
-/// Part of the greatest current by which one may miss its setpoint.
+/// Largest tracking error, as a fraction of the greatest current.
 const TRACKING_ERROR: f32 = 1.0 / 16.0;
-/// Blocks from one value of the resistance to the next: 16 ms at 16 us.
+/// Blocks between two values of the resistance: 16 ms at 16 us.
 const RESISTANCE_BLOCKS: u32 = 64;
 
 /// Plans, checks and watches a [`Drive`].
@@ -32,7 +33,7 @@ pub struct Supervisor {
     hardware: Hardware,
     limits: Limits,
     findings: Option<Findings>,
-    /// Supply, V, and resistance, ohm, that the law is made for.
+    /// Supply, V, and resistance, ohm, for which the law was computed.
     made_for: (f32, f32),
     account: Account,
     /// Sums at the last poll, and at the last value of the resistance.
@@ -43,31 +44,31 @@ pub struct Supervisor {
     latched: bool,
     probe: Probe,
     blame: Blame,
-    /// Value and limit of the fault that stands, as far as the drive has them.
+    /// Value and limit of the latched fault, if the drive has them.
     found: Option<[f32; 2]>,
-    /// The supply's lowest reading since the last poll, V, if there were readings.
+    /// Lowest reading of the supply since the last poll, V, if there were readings.
     lowest_v: Option<f32>,
-    /// The setpoint when the drive was last seen driving, units.
+    /// Setpoint when the drive was last driving, units.
     setpoint: i32,
     reach: Reach,
 }
 
-/// What is known of the supply behind its voltage, and of the circuit without it.
+/// Model of the supply behind its terminals, and of the circuit without it.
 #[derive(Clone, Copy, Debug, Default)]
 struct SupplyModel {
-    /// Its voltage while nothing flows.
+    /// Voltage without load.
     open_v: f32,
-    /// Its resistance.
+    /// Resistance of the supply.
     ohm: f32,
-    /// Resistance of coil and bridge alone, once it is known.
+    /// Resistance of coil and bridge alone, if known.
     shorted_ohm: Option<f32>,
 }
 
 impl Supervisor {
-    /// A drive, off, and who supervises it.
+    /// Creates a drive, switched off, and its supervisor.
     ///
     /// # Errors
-    /// A field that is out of range.
+    /// The first field that is out of range.
     pub fn new(hardware: Hardware, limits: Limits) -> Result<(Self, Drive), Refusal> {
         hardware.check()?;
         limits.check(&hardware)?;
@@ -116,32 +117,32 @@ impl Supervisor {
         Ok((supervisor, drive))
     }
 
-    /// The hardware.
+    /// The hardware parameters.
     #[must_use]
     pub const fn hardware(&self) -> &Hardware {
         &self.hardware
     }
 
-    /// Hard limits.
+    /// The hard limits.
     #[must_use]
     pub const fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// What the last self-test found.
+    /// Results of the last self-test.
     #[must_use]
     pub const fn findings(&self) -> Option<&Findings> {
         self.findings.as_ref()
     }
 
-    /// Resistance of the circuit while current flows, ohm, from the last 16 ms with more than
-    /// half an ampere: the copper's thermometer, less what bridge and supply have.
+    /// Resistance of the circuit while current flows, ohm, from the last 16 ms with more than half
+    /// an ampere: serves as a thermometer of the copper, after subtracting bridge and supply.
     #[must_use]
     pub const fn resistance_ohm(&self) -> Option<f32> {
         self.resistance_ohm
     }
 
-    /// What the switching adds to the mean current; nothing before a coil is known.
+    /// The ripple that the switching adds to the mean current; `None` before a coil is known.
     #[must_use]
     pub fn ripple(&self) -> Option<Ripple> {
         let Findings { coil, .. } = self.findings.as_ref()?;
@@ -159,27 +160,28 @@ impl Supervisor {
         })
     }
 
-    /// Energy that the circuit has taken and not given off yet.
+    /// Net energy that the circuit has taken.
     #[must_use]
     pub const fn account(&self) -> &Account {
         &self.account
     }
 
-    /// Counts energy that the circuit took before this supervisor: the account of a run that a reset
-    /// ended.
+    /// Adds energy that the circuit took before this supervisor was created: the account of a run
+    /// that a reset ended.
     pub fn charge(&mut self, energy_j: f32) {
         self.account.charge(energy_j);
     }
 
-    /// Whether it is known what is behind the fault that stands: 6 ms after the bridge went off, at
-    /// most. A current that does not come may have its cause in the supply, whose reading comes later.
+    /// Whether the cause of the latched fault is known: at most 6 ms after the bridge switched off.
+    /// The supply may be the cause of a missing current, and its reading arrives later.
     #[must_use]
     pub const fn knows_the_cause(&self) -> bool {
         self.blame.is_settled()
     }
 
-    /// What was found and what is allowed, where this fault stands: current, A; supply, V, at its lowest
-    /// and what was needed, or at its highest; energy, J; time, s. Nothing for faults without numbers.
+    /// Measured value and limit for a latched fault: current, A; supply, V, its lowest and the
+    /// voltage needed, or its highest and the limit; energy, J; time, s. `None` for faults without
+    /// numbers.
     #[must_use]
     pub const fn value_and_limit(&self, fault: Fault) -> Option<[f32; 2]> {
         match fault {
@@ -188,11 +190,11 @@ impl Supervisor {
         }
     }
 
-    /// The self-test, where no fault stands.
+    /// Orders a self-test; refused while a fault is latched.
     ///
     /// # Errors
-    /// A fault stands, a test runs, the supply is out of its limits, or too much energy was taken
-    /// already.
+    /// A fault is latched, a test is running, the supply is outside its limits, or too much energy
+    /// was taken already.
     pub fn test(&mut self, report: &Report, supply_v: f32) -> Result<Order, Refusal> {
         match report.state {
             DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
@@ -213,7 +215,7 @@ impl Supervisor {
         }
         let full = i32::from(self.hardware.full_level);
         let target = self.hardware.units(TARGET_A);
-        // No more voltage than the target takes through the greatest resistance.
+        // The greatest voltage is the one that the target needs through the greatest resistance.
         let [_, most_ohm] = self.limits.resistance_ohm;
         let most = (TARGET_A * most_ohm / supply_v).min(self.limits.duty);
         Ok(Order(Orders::Test(TestPlan {
@@ -230,14 +232,15 @@ impl Supervisor {
         })))
     }
 
-    /// A straight line of the current. A bridge that is off wakes first: a line that is to begin
-    /// sooner begins when it is awake. `now_us` is the clock by which it begins, the order to be
-    /// applied at once: the clock is read again after the checks, which take a processor without
-    /// floating point 0.2 ms.
+    /// Orders a straight line of the current. A bridge that is off wakes first: a line with an
+    /// earlier start time starts when the bridge is awake. `now_us` reads the clock of the start
+    /// time, and is read again after the checks, which take a processor without floating point
+    /// 0.2 ms. Apply the order at once.
     ///
     /// # Errors
-    /// No coil known, a fault, a limit; [`Refusal::Energy`] if the line would take more than is
-    /// left: [`Account::time_until_s`] returns for how long.
+    /// No coil is known, a fault is latched, or a limit would be exceeded; [`Refusal::Energy`] if
+    /// the line would take more energy than is left: [`Account::time_until_s`] returns how long to
+    /// wait.
     pub fn follow(
         &self,
         report: &Report,
@@ -289,7 +292,7 @@ impl Supervisor {
         }))
     }
 
-    /// A line in the drive's integers.
+    /// Converts a line to the drive's integers.
     fn raw(&self, to_a: f32, over_s: f32) -> RawLine {
         RawLine {
             to: self.hardware.units(to_a),
@@ -297,29 +300,30 @@ impl Supervisor {
         }
     }
 
-    /// Off.
+    /// Orders the bridge off.
     #[must_use]
     pub const fn stop() -> Order {
         Order(Orders::Stop)
     }
 
-    /// Clears a fault: off, and ready if a coil is known.
+    /// Clears a fault: the bridge stays off, and may be driven if a coil is known.
     #[must_use]
     pub const fn clear() -> Order {
         Order(Orders::Clear)
     }
 
-    /// Corrects the measured current from now on. The limit at which the bridge is switched off is
-    /// not corrected: it is on what the converter reads.
+    /// Orders a correction of the measured current from now on. The trip level is not corrected: it
+    /// applies to the converter's reading.
     #[must_use]
     pub const fn correct(correction: Correction) -> Order {
         Order(Orders::Correct(correction))
     }
 
-    /// Looks after the drive; to be called every millisecond or so. `supply_v` is the measured
-    /// supply, `elapsed_us` the time since the last call.
+    /// Attends to the drive; call it about every millisecond. `supply_v` is the measured supply,
+    /// `elapsed_us` the time since the last call.
     ///
-    /// Without it a drive switches itself off after [`ATTENDED_WITHIN`](crate::ATTENDED_WITHIN) periods.
+    /// Without this call a drive switches itself off after
+    /// [`ATTENDED_WITHIN`](crate::ATTENDED_WITHIN) periods.
     pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
         self.count_energy(report, supply_v, elapsed_us);
         let gave_way = self.gave_way(report, supply_v, elapsed_us);
@@ -356,7 +360,7 @@ impl Supervisor {
         Order(orders)
     }
 
-    /// Takes the numbers of a fault that the drive has found by itself.
+    /// Records value and limit of a fault that the drive has detected by itself.
     fn follow_fault(&mut self, report: &Report, elapsed_us: u32) {
         let DriveState::Latched(fault) = report.state else {
             self.found = None;
@@ -377,9 +381,10 @@ impl Supervisor {
         };
     }
 
-    /// Takes a reading of the supply, before [`attend`](Self::attend) where that is given a
-    /// smoothed one: the latest, and the one of the moment at which the bridge went off. By the lowest
-    /// of them a supply that breaks down is known for the cause of a missing current.
+    /// Takes a reading of the supply. Call it before [`attend`](Self::attend) if that receives a
+    /// smoothed value: with the latest reading, and with the reading at the moment at which the
+    /// bridge switched off. The lowest of them shows whether a supply that broke down caused a
+    /// missing current.
     pub fn read_supply(&mut self, reading_v: f32) {
         let lowest_v = self
             .lowest_v
@@ -387,7 +392,7 @@ impl Supervisor {
         self.lowest_v = Some(lowest_v);
     }
 
-    /// Whether the supply is behind the fault that stands.
+    /// Whether the supply caused the latched fault.
     fn gave_way(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> bool {
         if report.state == DriveState::Driving {
             self.setpoint = report.setpoint;
@@ -416,7 +421,7 @@ impl Supervisor {
             matches!(report.state, DriveState::Latched(_)),
         );
         if self.latched && !was_latched {
-            // What may have flowed unmeasured before the fault was found.
+            // Energy that may have flowed unmeasured before the fault was detected.
             let found_s = BALANCED_WITHIN as f32 * self.hardware.period_s;
             let [_, most_v] = self.limits.supply_v;
             self.account.charge(found_s * most_v * self.limits.trip_a);
@@ -439,15 +444,15 @@ impl Supervisor {
         }
     }
 
-    /// The law for the present supply and resistance, where they have changed.
+    /// Returns the law for the present supply and resistance, if they have changed.
     fn adapt(&mut self, supply_v: f32) -> Orders {
         let Some(findings) = self.findings else {
             return Orders::Attended;
         };
-        // What copper can become; a short that creeps in is not followed beyond.
+        // Range of heated copper; beyond it a slowly developing short is not followed.
         let tested_ohm = findings.coil.resistance_ohm;
         let now_ohm = self.resistance_ohm.unwrap_or(tested_ohm);
-        // Not `clamp`, which panics where a limit is no number.
+        // Not `clamp`, which panics if a limit is NaN.
         let resistance_ohm = now_ohm.max(0.6 * tested_ohm).min(1.6 * tested_ohm);
         let (before_v, before_ohm) = self.made_for;
         let changed = |now: f32, before: f32| (now - before).abs() > CHANGE * before;
@@ -510,9 +515,10 @@ impl Supervisor {
 }
 
 impl SupplyModel {
-    /// The part d of a period on the supply lowers its mean voltage by its resistance r to
-    /// V = V₀ − r d I. What resistance the coil then seems to have, V d/I, is with
-    /// d = R I/(V₀ − r I) that of coil and bridge, R, and r d (1 − d).
+    /// Updates the model from the part d of a period for which the supply drives, the mean current
+    /// I, the supply and the apparent resistance. The supply's resistance r lowers its mean voltage
+    /// to V = V₀ − r d I. The apparent resistance of the coil, V d/I, is with d = R I/(V₀ − r I)
+    /// the resistance R of coil and bridge, plus r d (1 − d).
     fn follow(&mut self, share: f32, mean_a: f32, supply_v: f32, seen_ohm: f32) {
         let ohm = (self.open_v - supply_v) / (share * mean_a);
         self.ohm = if ohm > 0.0 { ohm } else { 0.0 };

@@ -4,13 +4,13 @@ use core::sync::atomic::{AtomicI16, AtomicU32, Ordering};
 
 use crate::hardware::Hardware;
 
-/// `N` currents, each that of one period: written by the control interrupt, read by anybody,
+/// A record of `N` currents, each of one period: written by the control interrupt, read by any task
 /// without a lock.
 #[derive(Debug)]
 pub struct Trace<const N: usize> {
     units: [AtomicI16; N],
     taken: AtomicU32,
-    /// Periods from one to the next, and until the next.
+    /// Periods between two records, and periods left until the next.
     every: AtomicU32,
     left: AtomicU32,
 }
@@ -22,7 +22,7 @@ impl<const N: usize> Default for Trace<N> {
 }
 
 impl<const N: usize> Trace<N> {
-    /// An empty one that records nothing.
+    /// Creates an empty trace that does not record.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -33,7 +33,7 @@ impl<const N: usize> Trace<N> {
         }
     }
 
-    /// Begins anew, with one current of every so many periods. Not to be interrupted by
+    /// Starts a new record with one current every `every` periods. Must not be interrupted by
     /// [`push`](Self::push).
     pub fn start(&self, every: u32) {
         let every = every.max(1);
@@ -42,7 +42,8 @@ impl<const N: usize> Trace<N> {
         self.every.store(every, Ordering::Release);
     }
 
-    /// A period: [`Drive::measured`](crate::Drive::measured). Does nothing when it is full.
+    /// Records the current of a period: [`Drive::measured`](crate::Drive::measured). Does nothing
+    /// when the trace is full.
     #[inline]
     pub fn push(&self, units: i32) {
         let every = self.every.load(Ordering::Relaxed);
@@ -57,7 +58,7 @@ impl<const N: usize> Trace<N> {
         self.left.store(every, Ordering::Relaxed);
         let taken = self.taken.load(Ordering::Relaxed);
         if let Some(index) = self.units.get(taken as usize) {
-            // Two samples of 12 bits about their zero: 14 bits.
+            // Two samples of 12 bits relative to their zero: 14 bits.
             index.store(units as i16, Ordering::Relaxed);
             self.taken.store(taken + 1, Ordering::Release);
         }
@@ -66,13 +67,13 @@ impl<const N: usize> Trace<N> {
         }
     }
 
-    /// Currents that have been recorded.
+    /// Number of recorded currents.
     #[must_use]
     pub fn taken(&self) -> usize {
         self.taken.load(Ordering::Acquire) as usize
     }
 
-    /// The currents that have been recorded, A, in their order.
+    /// The recorded currents, A, in order.
     pub fn currents_a<'t>(&'t self, hardware: &Hardware) -> impl Iterator<Item = f32> + 't {
         let unit_a = hardware.ampere_per_unit();
         let taken = self.units.iter().take(self.taken());

@@ -1,36 +1,36 @@
-//! What is watched while current flows. Sums over a block of periods, compared at its end.
+//! Checks while current flows, on sums over a block of periods at its end.
 
 use crate::averages::BLOCK;
 use crate::fault::Fault;
 use crate::line::Setpoint;
 use crate::regulator::Gains;
 
-/// Blocks in a row in which voltage and current do not belong together.
+/// Number of successive blocks in which voltage and current do not match.
 const UNBALANCED_BLOCKS: u32 = 4;
-/// Blocks in a row in which the current is not at its setpoint.
+/// Number of successive blocks in which the current is off its setpoint.
 const TRACKING_BLOCKS: u32 = 31;
 
-/// Periods within which voltage without current, or current without voltage, is found. What begins
-/// within a block is seen in the next.
+/// Periods within which voltage without current, or current without voltage, is detected. A change
+/// within a block is seen in the next block.
 pub const BALANCED_WITHIN: u32 = (UNBALANCED_BLOCKS + 1) * BLOCK;
-/// Periods within which a current that does not come to its setpoint is found.
+/// Periods within which a current that does not reach its setpoint is detected.
 pub const FOLLOWS_WITHIN: u32 = (TRACKING_BLOCKS + 1) * BLOCK;
-/// Periods within which the supervisor has to look: 20 ms at 16 us.
+/// Deadline of the supervisor, in periods: 20 ms at 16 us.
 pub const ATTENDED_WITHIN: u32 = 1_250;
 
-/// Bounds in units and levels.
+/// Limits of the checks, in units and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Difference of voltage that is no fault, levels: 1/24 of the supply, for dead time,
+    /// Largest difference of voltage without a fault, levels: 1/24 of the supply, for dead time,
     /// diodes and a supply that has just changed.
     pub(crate) margin: i32,
-    /// Tracking error that is no fault, units.
+    /// Largest tracking error without a fault, units.
     pub(crate) tracking: i32,
-    /// Periods with the bridge on, at most.
+    /// Longest on-time of the bridge, periods.
     pub(crate) on_periods: u32,
 }
 
-/// Sums over the block under way.
+/// Sums over the current block.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct BlockSums {
@@ -38,7 +38,7 @@ pub(crate) struct BlockSums {
     pub(crate) block: Block,
 }
 
-/// What a block amounts to: levels, units, and their products.
+/// Sums of one block: levels, units, and their products.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct Block {
@@ -48,8 +48,8 @@ pub(crate) struct Block {
 }
 
 impl BlockSums {
-    /// Takes the level that is given in a period and the current measured in it; whether that was
-    /// the block's last.
+    /// Adds the level applied in a period and the current measured in it; returns whether the block
+    /// is complete.
     #[inline]
     pub(crate) fn push(&mut self, level: i32, measured: i32) -> bool {
         self.block.levels += level;
@@ -59,16 +59,16 @@ impl BlockSums {
         self.periods >= BLOCK
     }
 
-    /// Takes the sums, and begins the next block.
+    /// Returns the sums, and starts the next block.
     pub(crate) fn take(&mut self) -> Block {
         core::mem::take(self).block
     }
 }
 
-/// What was seen of the blocks so far.
+/// Results of the checks so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watch {
-    /// The current at the end of the last block.
+    /// Current at the end of the last block.
     last: i32,
     unbalanced: u32,
     off_target: u32,
@@ -76,7 +76,7 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// The end of a block.
+    /// Checks a block at its end; returns the fault found, if any.
     pub(crate) fn close(
         &mut self,
         block: &Block,
@@ -88,7 +88,7 @@ impl Watch {
         let fault = self.judge(block, gains, bounds, setpoint, measured);
         self.on = self.on.saturating_add(BLOCK);
         self.last = measured;
-        // Another block would be beyond.
+        // Another block would exceed the on-time.
         let late = (self.on + BLOCK > bounds.on_periods).then_some(Fault::OnTime);
         late.or(fault)
     }
@@ -101,7 +101,7 @@ impl Watch {
         setpoint: Setpoint,
         measured: i32,
     ) -> Option<Fault> {
-        // The voltage that this current took: u - drop i = di/pull, all times the block.
+        // Voltage that this current needed: u - drop i = di/pull, all times the block.
         let resistive = (gains.drop >> 4) * (block.units >> 4);
         let change = (measured - self.last).clamp(-8_000, 8_000);
         let inductive = (gains.kick * change) >> 12;
@@ -119,7 +119,7 @@ impl Watch {
             0
         };
         if self.unbalanced >= UNBALANCED_BLOCKS {
-            // Along the voltage that was given: too little came of it.
+            // The excess has the sign of the applied voltage: the current is too low.
             let missing = (excess > 0) == (block.levels > 0);
             return Some(if missing {
                 Fault::CurrentMissing
@@ -130,7 +130,7 @@ impl Watch {
         (self.off_target >= TRACKING_BLOCKS).then_some(Fault::NotFollowing)
     }
 
-    /// Blocks with the bridge on, in periods.
+    /// Time with the bridge on, in periods of whole blocks.
     pub(crate) const fn on(&self) -> u32 {
         self.on
     }
