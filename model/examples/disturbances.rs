@@ -1,5 +1,5 @@
-//! The plain eq. (2) beside the estimator, under each disturbance by itself:
-//! `cargo run --release -p palpate-model --example disturbances`.
+//! Compares the plain eq. (2) with the estimator, under each disturbance by itself: `cargo run
+//! --release -p palpate-model --example disturbances`.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;

@@ -1,7 +1,7 @@
-//! The estimator against the Cramer-Rao bound, over thousands of ramps:
-//! `cargo run --release -p palpate-model --example efficiency -- [--seed N] [--ramps N]
-//! [--noise stated|residual|larger]`, from seed 1, 2000 ramps and `residual` if nothing is said.
-//! It fails when a bar is missed.
+//! Compares the estimator with the Cramer-Rao bound, over thousands of ramps: `cargo run --release
+//! -p palpate-model --example efficiency -- [--seed N] [--ramps N] [--noise
+//! stated|residual|larger]`, by default from seed 1, 2000 ramps and `residual`. It fails if a limit
+//! is missed.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -39,9 +39,10 @@ fn arguments() -> Option<EfficiencyArguments> {
     Some(arguments)
 }
 
-/// RMSE within 5 % of the bound, bias within a tenth of a standard error, coverage within 1.5 %.
+/// Limits: RMSE within 5 % of the bound, bias within a tenth of a standard error, coverage within
+/// 1.5 %.
 fn meets_the_bars(case: &EfficiencyCase, errors: &EstimateErrors) -> bool {
-    // The creep term on a single ramp is there for comparison.
+    // The creep term on a single ramp serves as a comparison only.
     case.published > 0.03
         || (errors.rms() <= 1.05
             && errors.mean().abs() <= 0.1

@@ -1,7 +1,7 @@
-//! The evaluation of `tests/integration/bits.rs` as an image for a Cortex-M0+: it leaves its bits in `BITS`,
-//! where an emulator or a debugger finds them, and counts its runs in `RUNS`. Linked with
-//! `-C link-arg=-Tlink.x` and this folder as `-L`, it also shows that no panic can be reached; with
-//! `--cfg planted_panic` it holds one, to show that such a panic would be found.
+//! Runs the evaluation of `tests/integration/bits.rs` as an image for a Cortex-M0+: it stores its
+//! bits in `BITS`, where an emulator or a debugger can read them, and counts its runs in `RUNS`.
+//! Linked with `-C link-arg=-Tlink.x` and this folder as `-L`, it also shows that no panic can be
+//! reached; with `--cfg planted_panic` it contains one, to show that the check would find it.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -1,18 +1,18 @@
 //! A monotone curve through calibration points.
 //!
-//! Calibration gives pairs: inductance change and deformation, current and stiffening. Between
-//! them the curve must stay monotone, or one reading would mean two deformations, and smooth,
-//! because its slope turns a sigma of the reading into a sigma of the deformation. A cubic spline
+//! Calibration gives pairs: inductance change and deformation, current and stiffening. Between them
+//! the curve must stay monotone, or one reading would mean two deformations, and smooth, because
+//! its slope turns a sigma of the reading into a sigma of the deformation. A cubic spline
 //! overshoots; this is the piecewise cubic Hermite interpolant with the slopes of Fritsch and
 //! Butland (*A method for constructing local monotone piecewise cubic interpolants*, SIAM J. Sci.
-//! Stat. Comput. 5, 1984), known as PCHIP, which meets the sufficient condition of Fritsch and
-//! Carlson (SIAM J. Numer. Anal. 17, 1980): no slope above three times a neighbouring secant's.
+//! Stat. Comput. 5, 1984), known as PCHIP. It meets the sufficient condition of Fritsch and Carlson
+//! (SIAM J. Numer. Anal. 17, 1980): no slope above three times a neighbouring secant's.
 //!
-//! Between samples of a smooth function at spacing h the error falls as h^3 at least.
+//! Between samples of a smooth function at spacing h the error falls at least as h^3.
 
 use core::fmt;
 
-/// A calibration point and the curve's slope there.
+/// A calibration point with the slope of the curve there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Knot {
@@ -21,7 +21,7 @@ struct Knot {
     slope: f32,
 }
 
-/// A monotone function given by up to `N` points.
+/// A monotone function through up to `N` points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MonotoneCurve<const N: usize> {
@@ -29,35 +29,35 @@ pub struct MonotoneCurve<const N: usize> {
     len: usize,
 }
 
-/// Why points make no curve.
+/// Reason why points do not define a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CurveError {
     /// Fewer than two points.
     TooFew {
-        /// How many there were.
+        /// Number of points given.
         given: usize,
     },
     /// More points than the curve can hold.
     TooMany {
-        /// How many there were.
+        /// Number of points given.
         given: usize,
-        /// How many fit.
+        /// Number of points that fit.
         capacity: usize,
     },
-    /// The point at `index` is infinite or NaN, or so close to the one before it that the secant
+    /// The point at `index` is infinite or NaN, or so close to the previous one that the secant
     /// overflows.
     NotFinite {
         /// Index of the point.
         index: usize,
     },
-    /// The argument at `index` is not above the one before it.
+    /// The argument at `index` is not above the previous one.
     NotIncreasing {
         /// Index of the point.
         index: usize,
     },
-    /// The value at `index` equals the one before it or turns back.
+    /// The value at `index` equals the previous one or reverses the direction.
     NotMonotone {
         /// Index of the point.
         index: usize,
@@ -84,29 +84,31 @@ impl fmt::Display for CurveError {
 
 impl core::error::Error for CurveError {}
 
-/// A curve's answer for one argument.
+/// Value and slope of a curve at one argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CurvePoint {
     /// Value.
     pub value: f32,
-    /// Derivative of the value by the argument.
+    /// Derivative of the value with respect to the argument.
     pub slope: f32,
-    /// The argument lies outside the calibration points; value and slope continue the tangent at
-    /// the end.
+    /// Whether the argument lies outside the calibration points; value and slope then continue the
+    /// tangent at the end.
     pub extrapolated: bool,
 }
 
 impl CurvePoint {
-    /// Standard deviation of the value when the argument has `sigma`, to first order.
+    /// Standard deviation of the value for an argument with standard deviation `sigma`, to first
+    /// order.
     pub const fn sigma(&self, sigma: f32) -> f32 {
         self.slope.abs() * sigma
     }
 }
 
 impl<const N: usize> MonotoneCurve<N> {
-    /// Takes points (argument, value) with increasing arguments and rising or falling values.
+    /// Creates a curve from points (argument, value) with increasing arguments and rising or
+    /// falling values.
     ///
     /// ```
     /// use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
@@ -139,9 +141,9 @@ impl<const N: usize> MonotoneCurve<N> {
 
     /// Value and slope at `x`.
     ///
-    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`; rounding
-    /// can turn it back by at most 6 ulp of the larger of the segment's two end values (4 were seen
-    /// in 4e7 random pairs), never beyond those end values. At a calibration point the value is exact.
+    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`; rounding can
+    /// reverse it by at most 6 ulp of the larger of the segment's two end values (4 were seen in
+    /// 4e7 random pairs), never beyond those end values. At a calibration point the value is exact.
     pub fn at(&self, x: f32) -> CurvePoint {
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
         let above = knots.partition_point(|knot| knot.x < x);
@@ -164,7 +166,7 @@ impl<const N: usize> MonotoneCurve<N> {
         knots.iter().map(|knot| (knot.x, knot.y))
     }
 
-    /// A sum over points and slopes that differs when any one of them does.
+    /// Checksum over points and slopes; differs when any one of them differs.
     ///
     /// ```
     /// use palpate_model::calibration_curve::MonotoneCurve;
@@ -174,8 +176,8 @@ impl<const N: usize> MonotoneCurve<N> {
     /// # Ok::<(), palpate_model::calibration_curve::CurveError>(())
     /// ```
     pub fn checksum(&self) -> u32 {
-        // Each step can be undone, so that no change of one word is lost; the factor is 2^32 over
-        // the golden ratio, odd, as usual for this.
+        // Each step is invertible, so no change of a single word is lost; the factor is 2^32 over
+        // the golden ratio, odd, as usual for this purpose.
         let mix = |sum: u32, word: u32| (sum.rotate_left(5) ^ word).wrapping_mul(0x9E37_79B9);
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
         let words = knots.iter().flat_map(|of| [of.x, of.y, of.slope]);
@@ -208,9 +210,9 @@ impl Knot {
         } else {
             (right, self)
         };
-        // Hermite's cubic as the secant and what the two slopes differ from it, with s the way
-        // from `near` in units of the width, at most a half: there it has made at most 7/8 of the
-        // step to `far`, so that rounding does not carry it beyond.
+        // Hermite's cubic as the secant plus the deviations of the two slopes from it, with s the
+        // distance from `near` in units of the width, at most a half: at that point the cubic has
+        // covered at most 7/8 of the step to `far`, so rounding does not carry it beyond.
         let way = x - near.x;
         let s = way.abs() / width;
         let rest = 1.0 - s;
@@ -258,7 +260,8 @@ fn validate(points: &[(f32, f32)]) -> Result<(), CurveError> {
     Ok(())
 }
 
-/// Slopes of Fritsch and Butland inside, the limited three-point formula at the ends.
+/// Sets the slopes: Fritsch and Butland's at inner points, the limited three-point formula at the
+/// ends.
 fn set_slopes(knots: &mut [Knot], points: &[(f32, f32)]) {
     match points {
         [a, b] => knots
@@ -296,10 +299,10 @@ impl Chord {
     }
 }
 
-/// Weighted harmonic mean of two secants of one sign: at most three times the smaller.
+/// Weighted harmonic mean of two secants of the same sign: at most three times the smaller.
 fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     let (w0, w1) = (2.0 * h1 + h0, h1 + 2.0 * h0);
-    // (w0 + w1) / (w0/d0 + w1/d1), arranged so that no quotient of extremes overflows.
+    // (w0 + w1) / (w0/d0 + w1/d1), arranged so that no quotient of extreme values overflows.
     let share = w0 / (w0 + w1);
     let (small, large, weight) = if d0.abs() < d1.abs() {
         (d0, d1, share)
@@ -309,8 +312,8 @@ fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     small / (weight + (1.0 - weight) * (small / large))
 }
 
-/// Slope of the parabola through three points at the end one, or zero where it would turn back.
-/// At most twice the end's own secant, since the two secants have one sign.
+/// Slope at the end of the parabola through the last three points, or zero if it would reverse. At
+/// most twice the end's own secant, since the two secants have the same sign.
 fn end_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     let slope = d0 + (d0 - d1) * (h0 / (h0 + h1));
     let sign = d0.signum();

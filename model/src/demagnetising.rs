@@ -1,13 +1,13 @@
-//! The burst that takes an elastomer's magnetic memory away.
+//! Current burst that removes an elastomer's magnetic memory.
 //!
-//! An alternating current of falling amplitude, I(t) = I_0 exp(-t/tau) sin(2 pi f t), walks the
-//! material round ever smaller loops towards zero. Only its falling matters, not its digits, so
-//! it is computed with the coarse functions of [`math::coarse`](crate::math::coarse).
+//! An alternating current of falling amplitude, I(t) = I_0 exp(-t/tau) sin(2 pi f t), takes the
+//! material through ever smaller loops towards zero. Only the decay matters, not the exact values,
+//! so the burst is computed with the coarse functions of [`math::coarse`](crate::math::coarse).
 
 use crate::math::coarse;
 use crate::units::{Ampere, Hertz, OutOfRange, Second};
 
-/// I(t) = I_0 exp(-t/tau) sin(2 pi f t).
+/// A decaying sine of current: I(t) = I_0 exp(-t/tau) sin(2 pi f t).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -18,7 +18,7 @@ pub struct Burst {
 }
 
 impl Burst {
-    /// All three above zero.
+    /// Creates a burst from I_0, tau and f, all above zero.
     pub fn new(amplitude: Ampere, decay: Second, frequency: Hertz) -> Result<Self, OutOfRange> {
         Ok(Self {
             amplitude: Ampere::positive(amplitude.0)?,
@@ -27,7 +27,7 @@ impl Burst {
         })
     }
 
-    /// Current at `time` since the beginning; zero before it.
+    /// Current at `time` since the start; zero before it.
     ///
     /// Error at most 2.0e-3 of I_0 within 1000 periods and 10 tau.
     ///
@@ -46,8 +46,8 @@ impl Burst {
         self.amplitude * (envelope * coarse::sin_turns(time.0 * self.frequency.0))
     }
 
-    /// When the envelope has fallen to `residual`: tau ln(I_0/residual), relative error at most
-    /// 3.0e-7 for a residual below half of I_0; zero for one that is not below I_0.
+    /// Time until the envelope has fallen to `residual`: tau ln(I_0/residual), relative error at
+    /// most 3.0e-7 for a residual below half of I_0; zero for one that is not below I_0.
     pub fn duration(&self, residual: Ampere) -> Second {
         let ratio = self.amplitude / residual;
         if ratio > 1.0 {

@@ -1,13 +1,13 @@
 //! Stiffness of a layer bonded between two rigid plates.
 //!
-//! Rubber keeps its volume, so a bonded layer can yield only by bulging at its rim, and a wide
-//! thin one can hardly bulge. Gent and Lindley (*The compression of bonded rubber blocks*, Proc.
-//! Inst. Mech. Eng. 173, 1959): the apparent modulus is
+//! Rubber keeps its volume, so a bonded layer can only yield by bulging at its rim, and a wide thin
+//! one can hardly bulge. Gent and Lindley (*The compression of bonded rubber blocks*, Proc. Inst.
+//! Mech. Eng. 173, 1959): the apparent modulus is
 //!
 //! E_a = E (1 + 2 S^2), S = loaded area / free area, which is r/(2 h) for a disc,
 //!
-//! and c = E_a A / h. A disc of r = 30 mm, h = 5 mm is 19 times stiffer than E A / h says.
-//! The formula is for E much below the bulk modulus (S up to about 10) and small strain.
+//! and c = E_a A / h. A disc of r = 30 mm, h = 5 mm is 19 times as stiff as E A / h. The formula
+//! holds for E much below the bulk modulus (S up to about 10) and small strain.
 
 use crate::units::{Metre, NewtonPerMetre, OutOfRange, Pascal};
 use core::f32::consts::PI;
@@ -22,7 +22,7 @@ pub struct BondedDisc {
 }
 
 impl BondedDisc {
-    /// Both lengths above zero.
+    /// Creates a disc; both lengths above zero.
     pub const fn new(radius: Metre, height: Metre) -> Result<Self, OutOfRange> {
         match (Metre::positive(radius.0), Metre::positive(height.0)) {
             (Ok(radius), Ok(height)) => Ok(Self { radius, height }),
@@ -30,12 +30,12 @@ impl BondedDisc {
         }
     }
 
-    /// S = r/(2 h).
+    /// Shape factor S = r/(2 h).
     pub fn shape_factor(&self) -> f32 {
         self.radius / (self.height * 2.0)
     }
 
-    /// c = E (1 + 2 S^2) pi r^2 / h. Relative error at most 6.0e-7.
+    /// Stiffness c = E (1 + 2 S^2) pi r^2 / h. Relative error at most 6.0e-7.
     ///
     /// ```
     /// use palpate_model::{layer::BondedDisc, units::{Metre, Pascal}};
@@ -49,7 +49,7 @@ impl BondedDisc {
     }
 }
 
-/// E_a = E (1 + 2 S^2) for any other shape with shape factor S.
+/// Apparent modulus E_a = E (1 + 2 S^2) of any other shape with shape factor S.
 pub fn apparent_modulus(modulus: Pascal, shape_factor: f32) -> Pascal {
     modulus * (1.0 + 2.0 * shape_factor * shape_factor)
 }

@@ -10,7 +10,7 @@
         clippy::unwrap_used,
     )
 )]
-// `!(a > b)` is how a comparison refuses NaN; the places say so.
+// `!(a > b)` rejects NaN as well; comments mark these comparisons.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 #![doc = include_str!("../README.md")]
 

@@ -1,4 +1,4 @@
-//! Stiffness of the actuated layer against the coil's current.
+//! Stiffness of the actuated layer as a function of the coil's current.
 //!
 //! A magnetosensitive elastomer stiffens with the field, quadratically at first, then less:
 //! E(B) = E_0 [1 + R s], s = B^2 / (B^2 + Bc^2), and B is proportional to the current I. With
@@ -6,8 +6,8 @@
 //!
 //! c_D(I) = c_D0 (1 + rho(I)), g(I) = c_S / c_D(I),
 //!
-//! and the estimator wants g as a deviation from g_0 = c_S/c_D0, h = g - g_0 = -g_0 rho/(1 + rho):
-//! so formed it keeps `f32`'s seven digits however small rho is, while 1 - (1 - 0.005) would keep
+//! and the estimator uses g as a deviation from g_0 = c_S/c_D0, h = g - g_0 = -g_0 rho/(1 + rho).
+//! In this form it keeps the seven digits of `f32` for any rho, while 1 - (1 - 0.005) would keep
 //! five. No published table gives R and Bc for the materials in question, so the numbers come from
 //! a board's own calibration, as a law of this form or as a table.
 
@@ -15,49 +15,50 @@ use crate::calibration_curve::MonotoneCurve;
 use crate::math::exp;
 use crate::units::{Ampere, Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Tesla};
 
-/// Relative rise of the actuated spring at some current.
+/// Relative rise of the actuated spring at one current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Rise {
     /// rho = c_D/c_D0 - 1.
     pub value: f32,
-    /// d rho/dI, 1/A.
+    /// Derivative d rho/dI, 1/A.
     pub per_ampere: f32,
 }
 
-/// The estimator's regressor at some current.
+/// The estimator's regressor at one current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Regressor {
-    /// h = g(I) - g(0), zero or negative.
+    /// Deviation h = g(I) - g(0), zero or negative.
     pub deviation: f32,
-    /// dg/dI, 1/A: turns a sigma of the current into a sigma of the regressor.
+    /// Derivative dg/dI, 1/A: turns a sigma of the current into a sigma of the regressor.
     pub per_ampere: f32,
 }
 
-/// How the actuated layer stiffens with the current: implemented by a law and by a table.
+/// Stiffness of the actuated layer as a function of the current; implemented by a law and by a
+/// table.
 pub trait Stiffening {
-    /// c_D0, the spring without current.
+    /// Spring without current, c_D0.
     fn at_rest(&self) -> NewtonPerMetre;
 
-    /// rho(I), even in the current.
+    /// Relative rise rho(I), even in the current.
     fn rise(&self, current: Ampere) -> Rise;
 
-    /// c_D(I) = c_D0 (1 + rho(I)).
+    /// Spring at a current, c_D(I) = c_D0 (1 + rho(I)).
     fn spring(&self, current: Ampere) -> NewtonPerMetre {
         self.at_rest() * (1.0 + self.rise(current).value)
     }
 
-    /// g_0 = c_S/c_D0, the reference of [`regressor`](Self::regressor).
+    /// Reference ratio g_0 = c_S/c_D0 of [`regressor`](Self::regressor).
     fn reference_ratio(&self, sensing: NewtonPerMetre) -> f32 {
         sensing / self.at_rest()
     }
 
-    /// h(I) = g(I) - g(0) and dg/dI = -g_0 rho'/(1 + rho)^2.
+    /// Regressor at a current: h(I) = g(I) - g(0) and dg/dI = -g_0 rho'/(1 + rho)^2.
     ///
-    /// Relative error of both at most 4.0e-7, that of the rise not counted.
+    /// Relative error of both at most 4.0e-7, without the error of the rise.
     fn regressor(&self, sensing: NewtonPerMetre, current: Ampere) -> Regressor {
         let rise = self.rise(current);
         let stiffened = 1.0 + rise.value;
@@ -69,26 +70,27 @@ pub trait Stiffening {
     }
 }
 
-/// h = g - g_0 = -g_0 rho/(1 + rho) for a rise that is not the current's own, as where the elastomer lags behind it.
+/// Deviation h = g - g_0 = -g_0 rho/(1 + rho) for a given rise, such as a rise that lags behind the
+/// current.
 pub fn deviation(reference_ratio: f32, rise: f32) -> f32 {
     -reference_ratio / (1.0 + rise) * rise
 }
 
-/// What to add to h for the halves of the actuated layer, now of the spring c_D(I), attracting each
-/// other with `pull`.
+/// Addition to h for the mutual attraction of the two halves of the actuated layer, which has the
+/// spring c_D(I), with the force `pull`.
 ///
-/// The pull shortens the layer by p = f/c_D(I), so that x (1 + kappa + g) = x_0 - p: the same as a
-/// regressor g + p/x, with the deformation x as read. Without it 0.3 mN/A^2 at 10 A cost 40 % of c_L
-/// on the stack of the table in the crate's front page.
+/// The pull shortens the layer by p = f/c_D(I), so x (1 + kappa + g) = x_0 - p: the same as a
+/// regressor g + p/x, with the deformation x as read. Without it, 0.3 mN/A^2 at 10 A causes an
+/// error of 40 % of c_L on the stack of the table in the crate's README.
 pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) -> f32 {
     pull / actuated / deformation
 }
 
-/// The quadratic, saturating law, fixed by its rise at a peak current:
+/// The quadratic, saturating law, defined by its rise at a peak current:
 ///
 /// rho(I) = eps s(I)/s(I_peak) = eps y (1 + r^2)/(1 + r^2 y), y = (I/I_peak)^2,
 ///
-/// with r = B_peak/Bc the field at the peak current in units of the half-way field. r = 0 is the
+/// with r = B_peak/Bc, the field at the peak current in units of the half-way field. r = 0 is the
 /// purely quadratic law. Relative error of the rise at most 6.0e-7.
 ///
 /// ```
@@ -114,7 +116,7 @@ pub struct Saturating {
 }
 
 impl Saturating {
-    /// The quadratic law c_D = c_D0 (1 + eps (I/I_peak)^2): all three above zero.
+    /// The quadratic law c_D = c_D0 (1 + eps (I/I_peak)^2); all three parameters above zero.
     pub const fn new(
         at_rest: NewtonPerMetre,
         rise_at_peak: f32,
@@ -135,21 +137,21 @@ impl Saturating {
         }
     }
 
-    /// The same rise at the peak, reached along the saturating law: `at_peak` is B at the peak
-    /// current, `half` is Bc.
+    /// The saturating law with the same rise at the peak: `at_peak` is B at the peak current,
+    /// `half` is Bc.
     pub fn saturating(self, at_peak: Tesla, half: Tesla) -> Result<Self, OutOfRange> {
         let ratio = Tesla::non_negative(at_peak.0)? / Tesla::positive(half.0)?;
         let saturation = OutOfRange::check(ratio * ratio, Requirement::NonNegative)?;
         Ok(Self { saturation, ..self })
     }
 
-    /// eps, the rise at the peak current.
+    /// Rise at the peak current, eps.
     pub const fn rise_at_peak(&self) -> f32 {
         self.rise_at_peak
     }
 
-    /// d ln rho / d ln I = 2/(1 + r^2 y): how much a relative error of the current's gain weighs.
-    /// Two for the quadratic law.
+    /// Logarithmic slope d ln rho / d ln I = 2/(1 + r^2 y): the weight of a relative error of the
+    /// current's gain. Two for the quadratic law.
     pub fn logarithmic_slope(&self, current: Ampere) -> f32 {
         let relative = current / self.peak;
         2.0 / (1.0 + self.saturation * relative * relative)
@@ -172,14 +174,14 @@ impl Stiffening for Saturating {
     }
 }
 
-/// By how much springs and rise have changed since they were calibrated.
+/// Changes of springs and rise since their calibration, as factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Factors {
-    /// c_S and c_D0, alike, over what they were: so c_S/c_D0 stays.
+    /// Factor of c_S and c_D0, common to both, so that c_S/c_D0 stays.
     pub springs: f32,
-    /// The rise over what it was, the same at all currents.
+    /// Factor of the rise, the same at all currents.
     pub rise: f32,
 }
 
@@ -190,8 +192,8 @@ impl Factors {
         rise: 1.0,
     };
 
-    /// At a temperature that is so many kelvin above the calibration's, with coefficients in 1/K: each is
-    /// exp(b dT) times as large. Relative error at most 1.2e-7 + 6e-8 b dT.
+    /// Factors at a temperature that is `warmer_k` above the calibration's, with coefficients in
+    /// 1/K: each factor is exp(b dT). Relative error at most 1.2e-7 + 6e-8 b dT.
     pub fn at(warmer_k: f32, springs_per_k: f32, rise_per_k: f32) -> Self {
         Self {
             springs: exp(springs_per_k * warmer_k),
@@ -200,7 +202,7 @@ impl Factors {
     }
 }
 
-/// A stiffening as calibrated, changed by factors.
+/// A calibrated stiffening, changed by factors.
 ///
 /// ```
 /// use palpate_model::magnetorheological::{Changed, Factors, Saturating, Stiffening};
@@ -214,9 +216,9 @@ impl Factors {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Changed<S> {
-    /// As calibrated.
+    /// The stiffening as calibrated.
     pub law: S,
-    /// How it has changed.
+    /// The factors of change.
     pub by: Factors,
 }
 
@@ -256,7 +258,7 @@ pub struct Tabulated<const N: usize> {
 }
 
 impl<const N: usize> Tabulated<N> {
-    /// Takes c_D0 and rho against the current's magnitude in amperes.
+    /// Creates a table from c_D0 and the curve of rho against the current's magnitude in amperes.
     pub fn new(at_rest: NewtonPerMetre, rise: MonotoneCurve<N>) -> Result<Self, OutOfRange> {
         Ok(Self {
             at_rest: NewtonPerMetre::positive(at_rest.0)?,

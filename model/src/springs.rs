@@ -1,11 +1,11 @@
 //! Three springs in series: sensing layer c_S, actuated layer c_D, load c_L.
 //!
-//! One force goes through all, F = c_S x_S = c_D x_D = c_L x_L, and the whole keeps its length,
+//! All carry the same force, F = c_S x_S = c_D x_D = c_L x_L, and the total length is constant,
 //! x_L + x_S + x_D = x_0. With g = c_S/c_D and kappa = c_S/c_L,
 //!
 //! x_S = x_0 / (1 + kappa + g),
 //!
-//! so that softening the actuated layer (g up) takes deformation from the sensing layer, the more
+//! so softening the actuated layer (g up) reduces the deformation of the sensing layer, the more
 //! the stiffer the load. Equation numbers are those of the paper on the sensor.
 
 use crate::units::{Metre, NewtonPerMetre};
@@ -15,29 +15,29 @@ use crate::units::{Metre, NewtonPerMetre};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Springs {
-    /// c_L, the object touched.
+    /// Load c_L, the touched object.
     pub load: NewtonPerMetre,
-    /// c_S, the layer whose deformation is read.
+    /// Sensing layer c_S, whose deformation is read.
     pub sensing: NewtonPerMetre,
-    /// c_D, the layer whose stiffness the current sets.
+    /// Actuated layer c_D, whose stiffness the current sets.
     pub actuated: NewtonPerMetre,
 }
 
-/// Each spring's part of the whole compliance, w_i = (1/c_i) / sum(1/c); the three add up to 1.
+/// Share of each spring in the total compliance, w_i = (1/c_i) / sum(1/c); the three add up to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shares {
-    /// w_L.
+    /// Share of the load, w_L.
     pub load: f32,
-    /// w_S.
+    /// Share of the sensing layer, w_S.
     pub sensing: f32,
-    /// w_D.
+    /// Share of the actuated layer, w_D.
     pub actuated: f32,
 }
 
 impl Shares {
-    /// From kappa = c_S/c_L and g = c_S/c_D.
+    /// Shares from kappa = c_S/c_L and g = c_S/c_D.
     pub fn new(load_ratio: f32, actuated_ratio: f32) -> Self {
         let whole = 1.0 + load_ratio + actuated_ratio;
         Self {
@@ -49,7 +49,8 @@ impl Shares {
 }
 
 impl Springs {
-    /// Eq. (1): 1/c = 1/c_L + 1/c_S + 1/c_D. Relative error at most 4.0e-7.
+    /// Stiffness of the three springs in series, eq. (1): 1/c = 1/c_L + 1/c_S + 1/c_D. Relative
+    /// error at most 4.0e-7.
     ///
     /// ```
     /// use palpate_model::{springs::Springs, units::NewtonPerMetre};
@@ -61,23 +62,23 @@ impl Springs {
         NewtonPerMetre(1.0 / (1.0 / self.load.0 + 1.0 / self.sensing.0 + 1.0 / self.actuated.0))
     }
 
-    /// w_L, w_S, w_D.
+    /// Shares w_L, w_S, w_D.
     pub fn shares(&self) -> Shares {
         Shares::new(self.sensing / self.load, self.sensing / self.actuated)
     }
 }
 
-/// Eq. (2), the plain formula for two states: c_L from the deformations x_S1, x_S2 of the sensing
-/// layer at the actuated layer's stiffnesses c_D1, c_D2.
+/// Load stiffness c_L by eq. (2), the plain formula for two states: from the deformations x_S1,
+/// x_S2 of the sensing layer at the actuated layer's stiffnesses c_D1, c_D2.
 ///
 /// c_L = c_S c_D1 c_D2 (x_S1 - x_S2) / [x_S2 (c_D1 c_D2 + c_S c_D1) - x_S1 (c_D1 c_D2 + c_S c_D2)]
 ///
 /// It is homogeneous of degree 0 in x: the *ratio* of the deformations counts, so their zero must
 /// be known. It has no noise model, no drift and no interval, and in `f32` its differences lose
-/// five digits of seven at a stiffening of 1 %. It is here to be compared with: the estimator of
+/// five digits of seven at a stiffening of 1 %. It serves as a comparison: the estimator of
 /// [`ramp`](crate::ramp) reduces to it for two samples, without that loss.
 ///
-/// The result is not finite, or negative, when the deformations fit no spring.
+/// The result is not finite, or negative, if the deformations fit no spring.
 ///
 /// ```
 /// use palpate_model::{springs::two_state_load, units::{Metre, NewtonPerMetre}};
@@ -96,6 +97,6 @@ pub fn two_state_load(
     let [NewtonPerMetre(d1), NewtonPerMetre(d2)] = actuated;
     let [Metre(x1), Metre(x2)] = deformation;
     let NewtonPerMetre(s) = sensing;
-    // Divided by c_D1 c_D2: the same ratio, without its large products.
+    // Divided by c_D1 c_D2: the same ratio without its large products.
     NewtonPerMetre(s * (x1 - x2) / (x2 * (1.0 + s / d2) - x1 * (1.0 + s / d1)))
 }

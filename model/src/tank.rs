@@ -1,20 +1,21 @@
-//! The resonator: from frequency to inductance.
+//! The LC resonator: from frequency to inductance.
 //!
 //! The sensing coil and a fixed capacitor C resonate at f = 1 / (2 pi sqrt(L C)), so
 //!
 //! L = 1 / ((2 pi f)^2 C).
 //!
-//! What matters is the *change* of L. A micrometre of deformation changes f by about 1e-4 and a
-//! converter resolves 1e-7 to 1e-8, while `f32` carries 6e-8: taken as absolute numbers, two
-//! neighbouring frequencies are the same. So the change is formed from the converter's codes as
-//! integers, which lose nothing, and stays a change from there on:
+//! The *change* of L matters. A micrometre of deformation changes f by about 1e-4 and a converter
+//! resolves 1e-7 to 1e-8, while `f32` carries 6e-8: as absolute numbers, two neighbouring
+//! frequencies are equal. So the change is formed from the converter's codes as exact integers, and
+//! stays a change from there on:
 //!
 //! delta = (D - D0) / D0 = f/f0 - 1, and L/L0 - 1 = -delta (2 + delta) / (1 + delta)^2.
 //!
-//! Damping lowers f by 1/(8 Q^2), 8e-5 at Q = 40; it cancels in the ratio as long as Q stays.
+//! Damping lowers f by 1/(8 Q^2), 8e-5 at Q = 40; this cancels in the ratio while Q is constant.
 
-/// f/f0 - 1 from two codes that are proportional to frequency, both with the same offset added:
-/// relative error at most 1.8e-7 *of the change*, for codes below 2^31. Zero for a reference of 0.
+/// Relative frequency change f/f0 - 1 from two codes that are proportional to frequency, both with
+/// the same offset added: relative error at most 1.8e-7 *of the change*, for codes below 2^31. Zero
+/// for a reference of 0.
 ///
 /// ```
 /// use palpate_model::tank::relative_frequency_change;
@@ -30,8 +31,8 @@ pub fn relative_frequency_change(reference_code: u32, code: u32) -> f32 {
     difference as f32 / reference_code as f32
 }
 
-/// L/L0 - 1 from delta = f/f0 - 1: relative error at most 6.0e-7 of the change, for delta from
-/// -0.5 to 1.
+/// Relative inductance change L/L0 - 1 from delta = f/f0 - 1: relative error at most 6.0e-7 of the
+/// change, for delta from -0.5 to 1.
 ///
 /// ```
 /// use palpate_model::tank::relative_inductance_change;

@@ -1,35 +1,36 @@
-//! Heat: two nodes, copper and pad.
+//! Thermal model of two nodes, copper and pad.
 //!
 //! C_c dT_c/dt = P - (T_c - T_p)/R_cp,
 //! C_p dT_p/dt = (T_c - T_p)/R_cp - (T_p - T_a)/R_pa,
 //!
-//! with T_a the temperature around. The copper heats within a second and gives to the pad, whose
-//! minutes limit what a train of ramps may spend. P = I^2 R(T_c), R = R_20 (1 + 0.0039 (T_c - 20)).
+//! with T_a the ambient temperature. The copper heats within a second and passes its heat to the
+//! pad, whose time constant of minutes limits the power of a train of ramps. P = I^2 R(T_c),
+//! R = R_20 (1 + 0.0039 (T_c - 20)).
 
 use crate::math;
 use crate::units::{
     Ampere, Celsius, JoulePerKelvin, Kelvin, KelvinPerWatt, Ohm, OutOfRange, Second, Watt,
 };
 
-/// Temperature coefficient of copper's resistance about 20 degC, 1/K (IEC 60028).
+/// Temperature coefficient of copper's resistance near 20 degC, 1/K (IEC 60028).
 pub const COPPER_TEMPCO: f32 = 3.93e-3;
 
-/// Temperature at which a coil's resistance is stated.
+/// Temperature for which a coil's resistance is stated.
 pub const STATED_AT: Celsius = Celsius(20.0);
 
-/// A coil's resistance at 20 degC.
+/// Resistance of a coil at 20 degC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Copper(pub Ohm);
 
 impl Copper {
-    /// R(T) = R_20 (1 + 0.00393 (T - 20 degC)).
+    /// Resistance at a temperature: R(T) = R_20 (1 + 0.00393 (T - 20 degC)).
     pub fn resistance(&self, temperature: Celsius) -> Ohm {
         self.0 * (1.0 + COPPER_TEMPCO * (temperature - STATED_AT).0)
     }
 
-    /// P = I^2 R(T).
+    /// Heating power P = I^2 R(T).
     ///
     /// ```
     /// use palpate_model::{thermal::Copper, units::{Ampere, Celsius, Ohm}};
@@ -46,14 +47,14 @@ impl Copper {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Temperatures {
-    /// T_c.
+    /// Temperature of the copper, T_c.
     pub copper: Celsius,
-    /// T_p.
+    /// Temperature of the pad, T_p.
     pub pad: Celsius,
 }
 
 impl Temperatures {
-    /// Both nodes alike.
+    /// Both nodes at the same temperature.
     pub const fn uniform(temperature: Celsius) -> Self {
         Self {
             copper: temperature,
@@ -62,7 +63,7 @@ impl Temperatures {
     }
 }
 
-/// The two heat capacities and the two resistances, with the rates they make.
+/// Two heat capacities and two thermal resistances, with the resulting rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -70,14 +71,14 @@ pub struct TwoNode {
     copper_capacity: JoulePerKelvin,
     copper_to_pad: KelvinPerWatt,
     pad_to_ambient: KelvinPerWatt,
-    /// 1/(C_c R_cp), 1/(C_p R_cp), 1/(C_p R_pa), in 1/s.
+    /// Rates 1/(C_c R_cp), 1/(C_p R_cp), 1/(C_p R_pa), in 1/s.
     rates: [f32; 3],
-    /// The two decay rates of the whole, fast and slow, in 1/s.
+    /// Decay rates of the two modes, fast and slow, in 1/s.
     modes: [f32; 2],
 }
 
 impl TwoNode {
-    /// All four above zero.
+    /// Creates a model; all four parameters above zero.
     pub fn new(
         copper_capacity: JoulePerKelvin,
         pad_capacity: JoulePerKelvin,
@@ -94,8 +95,8 @@ impl TwoNode {
             1.0 / (pad_capacity.0 * pad_to_ambient.0),
         ];
         let [a, b, c] = rates;
-        // Roots of r^2 - (a + b + c) r + a c: real, since (a + b - c)^2 + 4 b c > 0. The small one
-        // from the product of the two, where a difference would lose its digits.
+        // Roots of r^2 - (a + b + c) r + a c: real, since (a + b - c)^2 + 4 b c > 0. The small root
+        // follows from the product of the two, since a difference would lose its digits.
         let fast = 0.5 * (a + b + c + math::hypot(a + b - c, 2.0 * math::sqrt(b * c)));
         let modes = [fast, a * (c / fast)];
         Ok(Self {
@@ -107,9 +108,10 @@ impl TwoNode {
         })
     }
 
-    /// Temperatures after `duration` of constant `power`, exactly solved: any duration is stable.
+    /// Temperatures after `duration` of constant `power`, by the exact solution: stable for any
+    /// duration.
     ///
-    /// Error at most 2.0e-6 of the largest temperature difference in play, for capacities and
+    /// Error at most 2.0e-6 of the largest temperature difference involved, for capacities and
     /// resistances whose rates lie within 1e5 of each other.
     pub fn after(
         &self,
@@ -126,7 +128,7 @@ impl TwoNode {
         let [a, b, c] = self.rates;
         let [fast, slow] = self.modes;
         // exp(M t) - 1 = slow_gone + blend (M + slow), M = [[-a, a], [b, -(b + c)]] (Sylvester's
-        // formula): the change itself, so that many short steps do not add up rounding.
+        // formula): the change itself, so that rounding does not add up over many short steps.
         let slow_gone = math::exp_m1(-slow * duration.0);
         let blend = (slow_gone - math::exp_m1(-fast * duration.0)) / (fast - slow);
         let copper_rate = a * (pad - copper) + slow * copper;
@@ -137,13 +139,14 @@ impl TwoNode {
         }
     }
 
-    /// Temperatures at the end of a planned pulse of `current`, an upper bound: its heat is
-    /// computed at the resistance of the copper's hotter end. For pulses that are short against the
-    /// pad's cooling, so that the copper is hottest at one of the two ends.
+    /// Upper bound of the temperatures at the end of a planned pulse of `current`: the heat is
+    /// computed with the resistance at the higher of the copper's initial and final temperatures.
+    /// For pulses that are short against the pad's cooling, so that the copper is hottest at the
+    /// start or at the end.
     ///
-    /// Too high by at most 0.4 % of what the current's heat adds, for every kelvin between the
-    /// coldest and the hottest temperature in play. `None` when the copper does
-    /// not stay below `limit`, or would run away.
+    /// Too high by at most 0.4 % of the current's heating, for every kelvin between the lowest and
+    /// the highest temperature involved. `None` if the copper does not stay below `limit`, or would
+    /// run away.
     ///
     /// ```
     /// use palpate_model::thermal::{Copper, Temperatures, TwoNode};
@@ -171,11 +174,12 @@ impl TwoNode {
         duration: Second,
         limit: Celsius,
     ) -> Option<Temperatures> {
-        /// Each step multiplies what is missing by the loop's gain, 0.4 % per kelvin of the pulse's
-        /// rise: below 100 K, 12 leave 2e-5 of it, less than the bound is too high.
+        /// Each step multiplies the remaining difference by the loop's gain, 0.4 % per kelvin of
+        /// the pulse's rise: below 100 K, 12 steps leave 2e-5 of it, less than the excess of the
+        /// bound.
         const STEPS: u8 = 12;
         // The end temperature grows with the heat and the heat with the end temperature: from
-        // below, rising steps towards their fixed point.
+        // below, the steps rise towards their fixed point.
         let mut hottest = start.copper;
         let mut end = start;
         for _ in 0..STEPS {

@@ -1,11 +1,11 @@
-//! What the calibration leaves open, added to what the noise leaves open.
+//! Adds the calibration's uncertainty to that of the noise.
 //!
 //! A ramp measures the whole compliance at the reference state, T = 1/c_L + 1/c_S + 1/c_D0, in
-//! units of the change of 1/c_D that the current made; the load is what is left of it,
+//! units of the change of 1/c_D that the current caused; the load is the remainder,
 //! 1/c_L = T - 1/c_S - 1/c_D0. With kappa = c_S/c_L, g = c_S/c_D0 and W = 1 + kappa + g, an error
-//! in what was taken for known moves kappa by
+//! of a calibrated quantity changes kappa by
 //!
-//! | taken for known | change of kappa |
+//! | calibrated quantity | change of kappa |
 //! |---|---|
 //! | c_S too high by the fraction e | e |
 //! | c_D0 too high by e | -(1 + kappa) e |
@@ -14,12 +14,12 @@
 //! | current read too high by e | W e n / (1 + rho), n = d ln rho/d ln I |
 //! | deformation read too high by o at all points | W o/x |
 //!
-//! with rho and n at the peak of the ramp, since its ends decide the slope. In terms of c_L the same says: relative error of
-//! c_L = (relative error of the ratio) / w_L, w_L = kappa/W the load's share of the compliance. At
-//! three equal springs an eps that is 5 % too high makes c_L 13 % too low. That is why the noise's
-//! interval alone is no claim.
+//! with rho and n at the peak of the ramp, since its ends determine the slope. In terms of c_L:
+//! relative error of c_L = (relative error of the ratio) / w_L, with w_L = kappa/W the load's share
+//! of the compliance. With three equal springs an eps that is 5 % too high makes c_L 13 % too low.
+//! So the noise's interval alone is not a claim.
 //!
-//! The formulas are of first order in e, on the scale, kappa and not c_L, where that is good; they
+//! The formulas are of first order in e, in kappa and not in c_L, where first order is good; they
 //! are within 3 % of a ramp evaluated with a wrong calibration at a stiffening of 10 %
 //! (`tests/integration/uncertainty.rs`).
 
@@ -27,12 +27,14 @@ use crate::math::{hypot, student::NORMAL_975};
 use crate::ramp::LoadRatio;
 use crate::units::Metre;
 
-/// Half the width of a 95 % interval in standard errors, where the part `uniform` of the standard error is that of
-/// errors which are uniform within limits, and the rest normal: from 1.960 for 0 down to 1.645 for 1.
+/// Half the width of a 95 % interval in standard errors, if the part `uniform` of the standard
+/// error comes from errors that are uniform within limits and the rest is normal: from 1.960 for 0
+/// down to 1.645 for 1.
 ///
-/// An error within limits has no tails: 1.96 of its standard errors contain all of it, and 1.645 contain 95 %
-/// (JCGM 100:2008, 4.3.7 and G.1.2). The distribution between the two is the convolution of both; a polynomial in the
-/// fourth power, the lowest in which it departs from the normal one, is within 0.002 of its quantile.
+/// An error within limits has no tails: 1.96 of its standard errors contain all of it, and 1.645
+/// contain 95 % (JCGM 100:2008, 4.3.7 and G.1.2). Between the two the distribution is the
+/// convolution of both; a polynomial in the fourth power, the lowest in which it departs from the
+/// normal one, is within 0.002 of its quantile.
 ///
 /// ```
 /// use palpate_model::uncertainty::coverage_factor;
@@ -46,38 +48,38 @@ pub fn coverage_factor(uniform: f32) -> f32 {
     NORMAL_975 - 0.133_62 * fourth - 0.141_04 * eighth - 0.039_81 * eighth * eighth
 }
 
-/// Standard uncertainties of what a calibration gave.
+/// Standard uncertainties of the calibrated quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration {
-    /// Of the force scale common to c_S and c_D0 (the rig's load cell), relative.
+    /// Uncertainty of the force scale common to c_S and c_D0 (the rig's load cell), relative.
     pub force_scale: f32,
-    /// Of c_S, relative, force scale apart.
+    /// Uncertainty of c_S, relative, without the force scale.
     pub sensing: f32,
-    /// Of c_D0, relative, force scale apart.
+    /// Uncertainty of c_D0, relative, without the force scale.
     pub actuated: f32,
-    /// Of the stiffening eps, relative.
+    /// Uncertainty of the stiffening eps, relative.
     pub stiffening: f32,
-    /// Of the current since the stiffening was calibrated, relative. A gain that was the same
-    /// then is in eps already.
+    /// Uncertainty of the current since the stiffening was calibrated, relative. A gain error that
+    /// was the same then is already contained in eps.
     pub current: f32,
-    /// Of the zero of the deformation.
+    /// Uncertainty of the zero of the deformation.
     pub zero: Metre,
 }
 
-/// Where on its range the sensor was.
+/// Operating point of the sensor on the ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OperatingPoint {
-    /// g = c_S/c_D0.
+    /// Ratio g = c_S/c_D0.
     pub actuated_ratio: f32,
-    /// rho at the peak of the ramp.
+    /// Rise rho at the peak of the ramp.
     pub rise: f32,
-    /// n = d ln rho/d ln I there: 2 for a quadratic law.
+    /// Logarithmic slope n = d ln rho/d ln I at the peak: 2 for a quadratic law.
     pub logarithmic_slope: f32,
-    /// x_S on the ramp, above zero.
+    /// Deformation x_S on the ramp, above zero.
     pub deformation: Metre,
 }
 
@@ -86,27 +88,27 @@ pub struct OperatingPoint {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Budget {
-    /// Force scale.
+    /// Contribution of the force scale.
     pub force_scale: f32,
-    /// c_S.
+    /// Contribution of c_S.
     pub sensing: f32,
-    /// c_D0.
+    /// Contribution of c_D0.
     pub actuated: f32,
-    /// Stiffening.
+    /// Contribution of the stiffening.
     pub stiffening: f32,
-    /// Current.
+    /// Contribution of the current.
     pub current: f32,
-    /// Zero of the deformation.
+    /// Contribution of the zero of the deformation.
     pub zero: f32,
 }
 
 impl Budget {
-    /// That of the springs, force scale included.
+    /// Contribution of the springs, including the force scale.
     pub fn springs(&self) -> f32 {
         hypot(hypot(self.force_scale, self.sensing), self.actuated)
     }
 
-    /// Root of the sum of the squares.
+    /// Root of the sum of the squares of all contributions.
     pub fn total(&self) -> f32 {
         [
             self.force_scale,
@@ -122,7 +124,7 @@ impl Budget {
 }
 
 impl Calibration {
-    /// What each uncertainty makes of kappa; see the [module](self).
+    /// Contributions of all uncertainties to kappa; see the [module](self).
     pub fn budget(&self, load_ratio: f32, at: &OperatingPoint) -> Budget {
         let whole = 1.0 + load_ratio + at.actuated_ratio;
         let of_stiffening = whole / (1.0 + at.rise);
@@ -136,8 +138,8 @@ impl Calibration {
         }
     }
 
-    /// Widens a ramp's result by the calibration's uncertainty: standard errors and the interval's
-    /// two reaches each as root of the sum of squares.
+    /// Widens a ramp's result by the calibration's uncertainty: standard error and both half-widths
+    /// of the interval, each as root of the sum of squares.
     ///
     /// ```
     /// use palpate_model::ramp::LoadRatio;

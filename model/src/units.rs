@@ -1,8 +1,8 @@
 //! Quantities as newtypes over `f32` in SI units, for the boundaries of the model.
 //!
-//! Inside a formula the plain number is used (`.0`), at a boundary the quantity: then no
-//! stiffness can be taken for a length. There is no general dimensional analysis; only the
-//! products that the model's formulas need are defined.
+//! Formulas use the plain number (`.0`), boundaries the quantity, so that a stiffness cannot be
+//! mistaken for a length. There is no general dimensional analysis; only the products that the
+//! model's formulas need are defined.
 //!
 //! ```
 //! use palpate_model::units::{Metre, Newton, NewtonPerMetre};
@@ -14,7 +14,7 @@
 use core::fmt;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What a checked constructor asks of its number.
+/// Requirement of a checked constructor on its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Requirement {
@@ -27,7 +27,7 @@ pub enum Requirement {
 }
 
 impl Requirement {
-    /// Whether `value` meets it.
+    /// Whether `value` meets the requirement.
     pub const fn met_by(self, value: f32) -> bool {
         value.is_finite()
             && match self {
@@ -38,15 +38,15 @@ impl Requirement {
     }
 }
 
-/// A number that a quantity cannot have.
+/// Error: a number that a quantity cannot have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
-    /// The offending number.
+    /// The number.
     pub value: f32,
-    /// Its unit, empty for a pure number.
+    /// Unit of the number, empty for a pure number.
     pub unit: &'static str,
-    /// What it should have been.
+    /// The requirement that it does not meet.
     pub requirement: Requirement,
 }
 
@@ -139,7 +139,7 @@ macro_rules! quantity {
     };
 }
 
-/// A quantity with a natural zero, so that sums, multiples and ratios mean something.
+/// Implements sums, multiples and ratios for a quantity with a natural zero.
 macro_rules! ratio_scale {
     ($($name:ident),+) => {$(
         impl Add for $name {
@@ -240,7 +240,7 @@ impl Add<Kelvin> for Celsius {
     }
 }
 
-/// F = c x.
+/// Force: F = c x.
 impl Mul<Metre> for NewtonPerMetre {
     type Output = Newton;
     fn mul(self, displacement: Metre) -> Newton {
@@ -248,7 +248,7 @@ impl Mul<Metre> for NewtonPerMetre {
     }
 }
 
-/// x = F / c.
+/// Displacement: x = F / c.
 impl Div<NewtonPerMetre> for Newton {
     type Output = Metre;
     fn div(self, stiffness: NewtonPerMetre) -> Metre {

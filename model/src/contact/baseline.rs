@@ -3,53 +3,57 @@
 use crate::math;
 use crate::units::{Metre, Second};
 
-/// A straight line through the past readings, older ones fading (alpha-beta filter, critically
+/// A straight line through the past readings with fading weights (alpha-beta filter, critically
 /// damped: discounted least squares of degree one, after Morrison, *Introduction to Sequential
-/// Smoothing and Prediction*, 1969), with their mean over the same memory beside it.
+/// Smoothing and Prediction*, 1969), and their mean over the same memory.
 ///
-/// The memory grows with the time that it has learnt for, up to a limit. An elastomer recovers from a press
-/// on all scales of time, fast at first: a line through an eighth of the time since the release
-/// follows it. A part of the recovery of size A leaves an error of at most 0.009 A, whatever its time constant.
+/// The memory grows with the learning time, up to a limit. An elastomer recovers from a press on
+/// all time scales, fast at first: a line through an eighth of the time since the release follows
+/// it. A part of the recovery of size A leaves an error of at most 0.009 A, whatever its time
+/// constant.
 ///
-/// A steady drift is followed without lag. Once the memory has grown, the variance of the prediction
-/// is 1.25/`memory` of a reading's.
+/// The line follows a steady drift without lag. Once the memory has grown, the variance of the
+/// prediction is 1.25/`memory` of the variance of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Baseline {
     memory: f32,
     readings: u32,
-    /// Readings in the memory now, and the part of the past that each reading makes it forget.
+    /// Number of readings in the memory now, and the fraction of the past that each reading
+    /// displaces.
     window: f32,
     forgotten: f32,
-    /// The first reading: the rest is kept as deviation from it, or slow corrections would be
-    /// lost in rounding.
+    /// The first reading. All other values are stored as deviations from it, since slow corrections
+    /// would otherwise be lost in rounding.
     origin: Metre,
     level: f32,
-    /// Metres per second.
+    /// Rate of the line, m/s.
     rate: f32,
     mean: f32,
 }
 
-/// The memory's part of the readings since the beginning: a recovery a exp(-t/tau) departs from a line over t/8 by at
-/// most a (t/8 tau)^2 exp(-t/tau), 0.0085 a.
+/// Memory as a fraction of the readings since the start: a recovery a exp(-t/tau) departs from a
+/// line over t/8 by at most a (t/8 tau)^2 exp(-t/tau), 0.0085 a.
 const OF_THE_PAST: f32 = 0.125;
 
-/// Least memory, in readings: with less a line is no better than its last reading.
+/// Smallest memory, in readings: with fewer, a line is no better than its last reading.
 const LEAST_MEMORY: f32 = 2.0;
 
-/// A reading against what was expected of it.
+/// Deviation of a reading from its prediction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
-    /// From the line.
+    /// Deviation from the line.
     pub from_line: Metre,
-    /// From the mean, which does not learn a rise as the line does: an untouched sensor recovers downwards, and what
-    /// warming makes of it in the memory's time is far below its noise. While the readings fall the mean stays above them, so
-    /// that a fall that comes to an end is no rise.
+    /// Deviation from the mean. Unlike the line, the mean does not learn a rise: an untouched
+    /// sensor recovers downwards, and the effect of warming within the memory is far below its
+    /// noise. While the readings fall the mean stays above them, so the end of a fall does not
+    /// count as a rise.
     pub rise: Metre,
 }
 
 impl Baseline {
-    /// `memory` is the number of readings after which one weighs 1/e, once it has grown; at least 2.
+    /// Creates an empty baseline. `memory` is the number of readings after which the weight of a
+    /// reading is 1/e, once the memory has grown; at least 2.
     pub const fn new(memory: f32) -> Self {
         Self {
             memory: memory.max(LEAST_MEMORY),
@@ -63,12 +67,12 @@ impl Baseline {
         }
     }
 
-    /// The same without any reading.
+    /// A baseline with the same memory and without readings.
     pub const fn anew(&self) -> Self {
         Self::new(self.memory)
     }
 
-    /// Readings taken.
+    /// Number of readings taken.
     pub const fn readings(&self) -> u32 {
         self.readings
     }
@@ -78,17 +82,17 @@ impl Baseline {
         self.rate
     }
 
-    /// The line at the last reading; zero before the first.
+    /// Value of the line at the last reading; zero before the first.
     pub fn value(&self) -> Metre {
         self.origin + Metre(self.level)
     }
 
-    /// Standard error of [`Self::value`] for white noise of `sigma` a reading.
+    /// Standard error of [`Self::value`] for readings with white noise of `sigma`.
     pub fn standard_error(&self, sigma: Metre) -> Metre {
         sigma * math::sqrt(1.25 / self.window)
     }
 
-    /// Counts all readings from here on, and those taken, from `zero`.
+    /// Shifts the origin of all readings, past and future, to `zero`.
     pub fn shift(&mut self, zero: Metre) {
         self.origin = self.origin - zero;
     }
@@ -106,13 +110,13 @@ impl Baseline {
         }
     }
 
-    /// Takes the reading that was last compared into the line.
+    /// Adds the last compared reading to the line.
     pub fn learn(&mut self, interval: Second, deviation: Deviation) {
         let Metre(from_line) = deviation.from_line;
         let from_mean = self.level + from_line - self.mean;
         self.readings = self.readings.saturating_add(1);
         if self.window < self.memory {
-            // Not `clamp`, which panics where the memory is shorter than the least.
+            // Not `clamp`, which panics if the memory is shorter than the smallest one.
             let window = (OF_THE_PAST * self.readings as f32).max(LEAST_MEMORY);
             self.window = window.min(self.memory);
             self.forgotten = 1.0 / self.window;
@@ -125,8 +129,9 @@ impl Baseline {
         self.mean += mean_gain * from_mean;
     }
 
-    /// By how much a recovery may depart from the line within its memory: half of what the line changes in that time, since
-    /// the memory is an eighth of the time for which it has fallen, m.
+    /// Largest departure of a recovery from the line within the memory, m: half of the line's
+    /// change in that time, since the memory is an eighth of the time for which the line has
+    /// fallen.
     pub(super) fn bend(&self, interval: Second) -> f32 {
         0.5 * self.rate.abs() * self.window * interval.0
     }
@@ -139,7 +144,7 @@ impl Baseline {
             return (level, rate, forgotten);
         }
         let n = self.readings as f32;
-        // The first readings: the least-squares line through all of them.
+        // For the first readings: the least-squares line through all of them.
         let pairs = n * (n + 1.0);
         (
             (2.0 * (2.0 * n - 1.0) / pairs).max(level),

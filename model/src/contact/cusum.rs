@@ -6,45 +6,46 @@ use crate::math;
 /// deviation in units of its own standard deviation (Page, *Continuous inspection schemes*,
 /// Biometrika 41, 1954).
 ///
-/// Of all tests with the same rate of false alarms it finds a shift of 2 k soonest (Moustakides
+/// Of all tests with the same rate of false alarms it detects a shift of 2 k soonest (Moustakides
 /// 1986).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cusum {
-    /// k: what a sample may deviate without counting, in standard deviations.
+    /// k: deviation of a sample that does not count, in standard deviations.
     pub allowance: f32,
-    /// The sum above which there is an alarm, in standard deviations.
+    /// Sum above which the test raises an alarm, in standard deviations.
     pub threshold: f32,
 }
 
 impl Cusum {
-    /// k = 1, threshold 10: best for a shift of two standard deviations. Between false alarms
-    /// lie 2.3e9 white samples, a month at 1 kHz; a shift of 2 is found in 11 samples, one of 10
-    /// in 2.
+    /// k = 1, threshold 10: best for a shift of two standard deviations. The mean distance between
+    /// false alarms is 2.3e9 white samples, a month at 1 kHz; a shift of 2 is detected in 11
+    /// samples, one of 10 in 2.
     pub const WATCH: Self = Self {
         allowance: 1.0,
         threshold: 10.0,
     };
 
-    /// The sum after `deviation`, never below zero. A deviation that is NaN leaves zero.
+    /// The sum after adding `deviation`, never below zero. A NaN deviation gives zero.
     pub const fn after(&self, sum: f32, deviation: f32) -> f32 {
         (sum + deviation - self.allowance).max(0.0)
     }
 
-    /// Whether `sum` is an alarm.
+    /// Whether `sum` raises an alarm.
     pub const fn alarms(&self, sum: f32) -> bool {
         sum > self.threshold
     }
 
-    /// Mean number of white normal samples from a sum of zero to the alarm, when the mean has
-    /// `shift` (in standard deviations): the run length between false alarms for no shift, the
-    /// delay of detection for one.
+    /// Mean number of white normal samples from a sum of zero to the alarm, if the mean has a
+    /// `shift` (in standard deviations): without a shift the run length between false alarms, with
+    /// a shift the delay of detection.
     ///
     /// Siegmund's approximation (*Sequential Analysis*, 1985), with D = shift - k and
-    /// b = threshold + 1.166: (exp(-2 D b) + 2 D b - 1) / (2 D^2). Within 8 % of the exact value
-    /// (a Markov chain, `tests/integration/contact.rs`) for k from 0.25 to 1, thresholds of 3 to 12 and shifts
-    /// from 0 to k + 1; beyond, the delay of a few samples is too short by up to one.
+    /// b = threshold + 1.166: (exp(-2 D b) + 2 D b - 1) / (2 D^2). Within 8 % of the exact value (a
+    /// Markov chain, `tests/integration/contact.rs`) for k from 0.25 to 1, thresholds of 3 to 12
+    /// and shifts from 0 to k + 1; for larger shifts the delay of a few samples is too short by up
+    /// to one.
     ///
     /// ```
     /// use palpate_model::contact::Cusum;
@@ -56,7 +57,7 @@ impl Cusum {
         let drift = shift - self.allowance;
         let way = 2.0 * drift * reach;
         if way.abs() < 1e-2 {
-            // Series of the quotient about drift = 0, whose next term is 4e-6 of it.
+            // Series of the quotient about drift = 0; its next term is 4e-6 of it.
             return reach * reach * (1.0 - way / 3.0 + way * way / 12.0);
         }
         (math::exp_m1(-way) + way) / (2.0 * drift * drift)

@@ -1,13 +1,15 @@
-//! When something touches, since when, and how deep.
+//! Contact detection: whether an object touches the sensor, since when, and how deep.
 //!
 //! The reading of an untouched sensor drifts: it warms, and it recovers from the last press. The
-//! [`Baseline`] follows that; a [`Cusum`] over what a reading rises above it finds a touch. Until then every
-//! reading is taken into the baseline, afterwards none: a touch is found within a few readings. During a touch the
-//! [`Zero`] carries the baseline on, within bounds that hold for any elastomer and any time.
+//! [`Baseline`] follows this drift; a [`Cusum`] test of the rise of the readings above it detects a
+//! touch. Until the detection every reading is added to the baseline, afterwards none: a touch is
+//! detected within a few readings. During a touch the [`Zero`] extrapolates the baseline, within
+//! bounds that hold for any elastomer and any time.
 //!
-//! What moves otherwise than the baseline and is no rise, as an object that is lifted which lay there from the beginning, is not
-//! learnt as a drift: the baseline begins anew. Where the reading of the untouched sensor is known ([`Watch::rest`]),
-//! what lies on it from the beginning is a touch.
+//! A movement that neither follows the baseline nor rises, such as the lifting of an object that
+//! was present from the start, is not learnt as a drift: the baseline restarts. If the reading of
+//! the untouched sensor is known ([`Watch::rest`]), an object that is present from the start is
+//! detected as a touch.
 //!
 //! # Figures
 //!
@@ -16,13 +18,13 @@
 //! | | |
 //! |---|---|
 //! | readings between false alarms, k 1, threshold 4 | 10,300 (exact for a known baseline: 14,500) |
-//! | the same, k 1, threshold 10, from the exact Markov chain | 2.3e9 |
+//! | readings between false alarms, k 1, threshold 10, from the exact Markov chain | 2.3e9 |
 //! | delay of a touch that deepens 0.1 / 1 / 10 sigma a reading, threshold 10 | 24 / 5.4 / 1.6 readings |
-//! | its onset, dated back: mean error (early) | 0.9 / 0.9 / 0.5 readings |
-//! | the same, root mean square | 8.2 / 1.8 / 0.9 readings |
+//! | its estimated onset: mean error (early) | 0.9 / 0.9 / 0.5 readings |
+//! | its estimated onset: root mean square error | 8.2 / 1.8 / 0.9 readings |
 //!
-//! Noise must be white at the rate of the readings for these figures: vibration that is not counts
-//! as deformation, so sigma has to include it.
+//! These figures need noise that is white at the rate of the readings: other vibration counts as
+//! deformation, so sigma has to include it.
 
 mod baseline;
 mod cusum;
@@ -36,36 +38,37 @@ pub use zero::Zero;
 
 use crate::units::{Metre, OutOfRange, Requirement, Second};
 
-/// How to watch.
+/// Settings of the contact detection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Watch {
     /// Standard deviation of a reading of the untouched sensor, vibration included.
     pub sigma: Metre,
-    /// Readings that the baseline remembers.
+    /// Memory of the baseline, in readings.
     pub memory: f32,
-    /// Readings after a start or a release until the baseline counts as learnt.
+    /// Number of readings after a start or a release until the baseline counts as learnt.
     pub settling: u32,
-    /// Test for touch and release.
+    /// Test for touch and movement.
     pub cusum: Cusum,
-    /// Deformation below which the touch is over. A touch that has not been twice as deep yet is
-    /// over below half of its deepest, so that a slow one does not end where it begins; in any
-    /// case below two sigma, and below what an elastomer may still have to recover from
-    /// ([`MOST_CREEP`] of the deepest).
+    /// Deformation below which the touch is over. A touch that has not yet been twice as deep ends
+    /// below half of its greatest depth, so that a slow touch does not end where it starts. Any
+    /// touch ends below two sigma, and below the largest remaining recovery of the elastomer
+    /// ([`MOST_CREEP`] of the greatest depth).
     pub release: Metre,
-    /// How far from 0 the untouched and recovered sensor may read, if that is known.
+    /// Largest reading of the untouched and recovered sensor, as a distance from 0; `None` if
+    /// unknown.
     pub rest: Option<Metre>,
-    /// What a kelvin may add to the reading of the untouched sensor.
+    /// Largest change of the untouched sensor's reading per kelvin.
     pub per_kelvin: Metre,
 }
 
-/// Readings without which no touch is looked for: what is not one touch more than it learns from.
+/// Number of readings before touches are tested for; the first readings are only learnt from.
 const LEAST_READINGS: u32 = 8;
 
 impl Watch {
-    /// Memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma, the rest not known, and no effect of
-    /// temperature.
+    /// Default settings: memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma,
+    /// unknown rest, and no effect of temperature.
     pub const fn new(sigma: Metre) -> Self {
         Self {
             sigma,
@@ -79,38 +82,39 @@ impl Watch {
     }
 }
 
-/// What the detector knows after a reading.
+/// State of contact after a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Touch {
-    /// The baseline is still being learnt; or it is below the known rest, where no untouched sensor reads.
+    /// The baseline is still being learnt; or it is below the known rest, where no untouched sensor
+    /// reads.
     Settling,
-    /// Nothing touches.
+    /// No contact.
     Clear,
-    /// Something touches, found with this reading.
+    /// Contact, detected with this reading.
     Began {
-        /// How long before this reading it began; zero if it lay there from the beginning.
+        /// Time since the contact started; zero if it was present from the start.
         ago: Second,
     },
-    /// Something touches.
+    /// Contact continues.
     Held,
-    /// It was released, found with this reading; the baseline is learnt anew.
+    /// Contact ended, detected with this reading; the baseline is learnt again.
     Ended,
 }
 
-/// One reading, judged.
+/// Result of one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Observation {
-    /// Reading less baseline, or less the zero of a touch.
+    /// Reading minus baseline; during a touch, reading minus its zero.
     pub deformation: Metre,
-    /// State of touch.
+    /// State of contact.
     pub touch: Touch,
 }
 
-/// Readings since the sum was last zero: what may be the beginning of a touch.
+/// Readings since the sum was last zero: possibly the start of a touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Rising {
@@ -135,10 +139,10 @@ impl Rising {
 
     /// Time from the onset to now.
     ///
-    /// The sum was last zero at age 0, where Page's test places the change. A touch deepens from
-    /// nothing, though, and stays below the allowance for a while: the line through the readings
-    /// since, carried back to zero, finds that part. It may reach back by the run's own length,
-    /// and not past the run's first reading.
+    /// The sum was last zero at age 0, where Page's test places the change. But a touch deepens
+    /// from zero and stays below the allowance for a while: the line through the readings since
+    /// then, extrapolated back to zero, adds that part. It may reach back by the length of the run,
+    /// but not beyond the first reading of the run.
     fn ago(&self) -> f32 {
         let spread = self.count * self.squares - self.times * self.times;
         let covariance = self.count * self.products - self.times * self.values;
@@ -150,7 +154,7 @@ impl Rising {
     }
 }
 
-/// Follows the baseline and finds touch and release, reading by reading.
+/// Follows the baseline and detects touch and release, reading by reading.
 ///
 /// ```
 /// use palpate_model::contact::{Detector, Touch, Watch};
@@ -178,23 +182,23 @@ impl Rising {
 pub struct Detector {
     watch: Watch,
     baseline: Baseline,
-    /// The baseline before `rising` began.
+    /// The baseline before `rising` started.
     before: Baseline,
     rising: Rising,
-    /// Sum of the test for readings that move otherwise than the baseline.
+    /// Sum of the test for movements other than the baseline's.
     moving: f32,
-    /// While something touches.
+    /// The current touch.
     held: Option<Held>,
-    /// What the sensor may still have to recover from.
+    /// Bound of the remaining recovery of the sensor.
     recovery: Recovery,
 }
 
-/// A touch.
+/// State of a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Held {
     zero: Zero,
-    /// Where the sensor read before, if that is not where an untouched one does.
+    /// Reading before the touch, if an untouched sensor would not read that.
     doubtful: Option<Metre>,
     deepest: Metre,
     /// Integral of the deformation over the touch, m s.
@@ -203,7 +207,8 @@ struct Held {
 }
 
 impl Detector {
-    /// Begins with an unknown baseline. Sigma, allowance and threshold must be above zero.
+    /// Creates a detector with an unknown baseline. Sigma, allowance and threshold must be above
+    /// zero.
     pub fn new(watch: Watch) -> Result<Self, OutOfRange> {
         Metre::positive(watch.sigma.0)?;
         OutOfRange::check(watch.cusum.allowance, Requirement::Positive)?;
@@ -220,62 +225,64 @@ impl Detector {
         })
     }
 
-    /// The baseline as it stands.
+    /// The current baseline.
     pub const fn baseline(&self) -> &Baseline {
         &self.baseline
     }
 
-    /// The zero of the touch, while something touches.
+    /// The zero of the current touch; `None` without a touch.
     pub fn zero(&self) -> Option<&Zero> {
         self.held.as_ref().map(|held| &held.zero)
     }
 
-    /// Mean age of this deformation: its integral over the touch divided by it, which is the age of its increments weighted by
-    /// their size. None where nothing touches or presses.
+    /// Mean age of this deformation: its integral over the touch divided by it, which is the age of
+    /// its increments weighted by their size. `None` without a touch or without a positive
+    /// deformation.
     ///
-    /// Creep and the coil's current add small, young increments, so that a hold keeps its age. A press that only deepens has
-    /// crept by the mean logarithm of the increments' ages, of which the logarithm of their mean is an upper bound (Jensen's
-    /// inequality).
+    /// Creep and the coil's current add small, young increments, so a hold keeps its age. The creep
+    /// of a press that only deepens follows the mean logarithm of the increments' ages; the
+    /// logarithm of their mean is an upper bound of it (Jensen's inequality).
     pub fn mean_age(&self, deformation: Metre) -> Option<Second> {
         let held = self.held.as_ref().filter(|_| deformation.0 > 0.0)?;
         Some(Second(held.integral / deformation.0))
     }
 
-    /// Where the sensor read before it was touched, if an untouched one does not read that: something lay on it from the
-    /// beginning, or its rest has changed. The deformation is then of doubtful zero.
+    /// Reading before the touch, if an untouched sensor would not read that: an object was present
+    /// from the start, or the rest has changed. The zero of the deformation is then doubtful.
     pub fn doubtful_rest(&self) -> Option<Metre> {
         self.held.as_ref().and_then(|held| held.doubtful)
     }
 
-    /// How far from 0 the untouched and recovered sensor may read, if that is known.
+    /// Largest reading of the untouched and recovered sensor, as a distance from 0; `None` if
+    /// unknown.
     pub const fn rest(&self) -> Option<Metre> {
         self.watch.rest
     }
 
-    /// The same from now on.
+    /// Sets the rest from now on; see [`Watch::rest`].
     pub const fn set_rest(&mut self, rest: Option<Metre>) {
         self.watch.rest = rest;
     }
 
-    /// What a kelvin may add to the reading of the untouched sensor from now on.
+    /// Sets the largest change of the untouched sensor's reading per kelvin from now on.
     pub const fn set_per_kelvin(&mut self, per_kelvin: Metre) {
         self.watch.per_kelvin = per_kelvin;
     }
 
-    /// How far above 0 an untouched sensor may read: its rest, what a touch leaves unnoticed, and what it recovers from.
-    /// Nothing where the rest is not known.
+    /// Highest reading of an untouched sensor: its rest, the deformation that may go undetected,
+    /// and the remaining recovery. `None` if the rest is unknown.
     pub fn highest_untouched(&self) -> Option<Metre> {
         self.lowest_untouched()
             .map(|lowest| self.recovery.most() - lowest)
     }
 
-    /// How far below 0 an untouched sensor may read, as a negative number.
+    /// Lowest reading of an untouched sensor, a negative number.
     fn lowest_untouched(&self) -> Option<Metre> {
         let rest = self.watch.rest?;
         Some(-(rest + self.watch.release))
     }
 
-    /// Where a sensor that reads this is not an untouched one.
+    /// Returns the reading if an untouched sensor would not read it.
     fn doubtful(&self, reading: Metre) -> Option<Metre> {
         let is_low = self
             .lowest_untouched()
@@ -286,8 +293,8 @@ impl Detector {
         (is_low || is_high).then_some(reading)
     }
 
-    /// Counts all readings from here on, and those taken, from `zero`: of a reading less by as much the
-    /// deformation is the same.
+    /// Shifts the origin of all readings, past and future, to `zero`: readings that are lower by
+    /// `zero` give the same deformation.
     pub fn shift(&mut self, zero: Metre) {
         self.baseline.shift(zero);
         if let Some(held) = &mut self.held {
@@ -295,15 +302,16 @@ impl Detector {
         }
     }
 
-    /// Learns the baseline anew, and takes the sensor as untouched until readings say otherwise.
+    /// Restarts the baseline, and assumes the sensor untouched until readings show otherwise.
     pub fn learn_anew(&mut self) {
         self.held = None;
         self.begin();
     }
 
-    /// Goes on after an interruption, or with another watch: a touch that was there still is, and a baseline is learnt anew.
+    /// Continues after an interruption, or with other settings: a touch continues, and a baseline
+    /// is learnt again.
     pub fn resume(&mut self, watch: Watch) {
-        // What it may still recover from is no more than what it read.
+        // The remaining recovery is at most the last reading.
         if self.held.is_none() && self.baseline.readings() >= self.watch.settling {
             self.recovery.no_more_than(self.baseline.value());
         }
@@ -318,8 +326,8 @@ impl Detector {
         self.moving = 0.0;
     }
 
-    /// Judges a reading that comes `interval` after the one before. One that is not finite is
-    /// passed over: it neither touches nor teaches.
+    /// Processes a reading that comes `interval` after the previous one. Ignores a reading that is
+    /// not finite.
     pub fn push(&mut self, interval: Second, reading: Metre) -> Observation {
         if !(reading.0.is_finite() && interval.0.is_finite()) {
             let touch = if self.held.is_some() {
@@ -379,7 +387,7 @@ impl Detector {
         self.untouched()
     }
 
-    /// Whether the readings have risen above the baseline, and how long ago that began.
+    /// Whether the readings have risen above the baseline; returns the time since the rise started.
     fn rises(&mut self, interval: Second, rise: Metre) -> Option<Second> {
         if self.baseline.readings() < LEAST_READINGS {
             return None;
@@ -388,7 +396,7 @@ impl Detector {
             .watch
             .cusum
             .after(self.rising.sum, rise / self.watch.sigma);
-        // A sum of zero begins anew, and remembers nothing.
+        // At a sum of zero the run restarts, without memory.
         if sum > 0.0 {
             if self.rising.sum <= 0.0 {
                 self.before = self.baseline;
@@ -402,7 +410,7 @@ impl Detector {
         alarms.then(|| Second(self.rising.ago()))
     }
 
-    /// Whether the readings move otherwise than the baseline, and not as a touch does.
+    /// Whether the readings depart from the baseline in another way than a touch.
     fn moves(&mut self, interval: Second, deviation: Deviation) -> bool {
         let apart = if deviation.rise.0 > 0.0 {
             0.0

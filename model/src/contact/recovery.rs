@@ -1,30 +1,32 @@
-//! What an elastomer may still have to recover from.
+//! Upper bound of the remaining recovery of an elastomer.
 
 use core::f32::consts::E;
 
 use crate::units::{Metre, Second};
 
-/// The most of a deformation that creep adds to it in the long run, and that is left when the touch is over: three modes
-/// of at most 10 % each (sim-host/stacks/disturbances.toml; three modes by Soft Matter 12 (2016) 2901).
+/// Largest part of a deformation that creep adds in the long run, and that remains after the
+/// release: three modes of at most 10 % each (sim-host/stacks/disturbances.toml; three modes by
+/// Soft Matter 12 (2016) 2901).
 pub const MOST_CREEP: f32 = 0.3;
 
-/// A bound of what is left of earlier touches.
+/// Upper bound of the deformation that remains from earlier touches.
 ///
-/// A touch of the time T loads a mode of the time constant tau to the part 1 - exp(-T/tau), of which exp(-t/tau) is left at
-/// the time t after it. Whatever tau is, the product is below T/(T + e t).
+/// A touch of duration T loads a mode of time constant tau to the fraction 1 - exp(-T/tau); at the
+/// time t after it, exp(-t/tau) of that remains. For any tau the product is below T/(T + e t).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Recovery {
-    /// At the release, m.
+    /// Bound at the release, m.
     most: f32,
-    /// T, s.
+    /// T, duration of the touch, s.
     touched: f32,
-    /// t, s.
+    /// t, time since the release, s.
     since: f32,
 }
 
 impl Recovery {
-    /// After a touch as deep as `deepest` for the time `touched`, which began while `left` was left of earlier ones.
+    /// The bound after a touch of depth `deepest` and duration `touched`, with `left` remaining
+    /// from earlier touches at its start.
     #[must_use]
     pub fn after(self, deepest: Metre, touched: Second, left: Option<Metre>) -> Self {
         let own = MOST_CREEP * deepest.0;
@@ -35,7 +37,8 @@ impl Recovery {
                 since: 0.0,
             };
         };
-        // What is left of earlier touches has lost its fast modes: of it T + e t is the T.
+        // The remainder of earlier touches has lost its fast modes, so T + e t takes the place of
+        // T.
         let earlier = self.touched + E * (self.since + touched.0);
         Self {
             most: own + left.0,
@@ -44,12 +47,12 @@ impl Recovery {
         }
     }
 
-    /// Nothing touches for another interval.
+    /// Advances by an interval without contact.
     pub fn advance(&mut self, interval: Second) {
         self.since += interval.0;
     }
 
-    /// The most that may be left now.
+    /// Largest deformation that may remain now.
     pub fn most(&self) -> Metre {
         if self.most <= 0.0 {
             return Metre(0.0);
@@ -57,7 +60,7 @@ impl Recovery {
         Metre(self.most * self.touched / (self.touched + E * self.since))
     }
 
-    /// No more than this is left, since the sensor read it.
+    /// Lowers the bound to a reading of the sensor.
     pub fn no_more_than(&mut self, reading: Metre) {
         self.most = self.most.min(reading.0.max(0.0));
     }

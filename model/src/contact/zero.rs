@@ -1,37 +1,41 @@
-//! What a touched sensor would read without the touch.
+//! Zero of a touched sensor: the reading that it would give without the touch.
 
 use super::{Baseline, Watch};
 use crate::math::student::NORMAL_975;
 use crate::units::{Metre, Second};
 
-/// The zero of the deformation during a touch: the baseline as it was when the touch began, carried on.
+/// The zero of the deformation during a touch: the baseline at the start of the touch,
+/// extrapolated.
 ///
-/// While an elastomer recovers from an earlier press, what is left of it falls as a sum of decaying exponentials. Such a
-/// sum never falls faster than its rate at the beginning, is convex, and ends at the rest: of what is left, `left`, a rate r
-/// takes in the time t at most `left` (1 - exp(-r t/`left`)) and at least nothing. The zero falls by
-/// `left` r t/(`left` + r t), which lies between, so that it stays between the baseline and the rest for ever.
+/// While an elastomer recovers from an earlier press, the remainder falls as a sum of decaying
+/// exponentials. Such a sum never falls faster than its initial rate, is convex, and ends at the
+/// rest: from the remainder `left`, an initial rate r takes at most `left` (1 - exp(-r t/`left`))
+/// in the time t, and at least zero. The zero falls by `left` r t/(`left` + r t), which lies
+/// between the two, so it stays between the baseline and the rest for ever.
 ///
-/// The uncertainty has four parts: the baseline's noise; the zero may lie as low as the rest, if what was taken for recovery
-/// was something that lay on the sensor; it may have fallen less; and the sensor may have become warmer or colder.
+/// The uncertainty has four parts: the noise of the baseline; the zero may be as low as the rest,
+/// if the supposed recovery was an object on the sensor; the zero may have fallen less; and the
+/// sensor may have become warmer or colder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Zero {
     start: Metre,
-    /// How far it can still fall, m.
+    /// Largest further fall, m.
     left: f32,
-    /// How fast it falls at the beginning, m/s; at least zero.
+    /// Initial rate of the fall, m/s; at least zero.
     rate: f32,
-    /// Whether `left` is the distance from a rest that is known.
+    /// Whether `left` is the distance from a known rest.
     rest_is_known: bool,
-    /// What a kelvin does to the rest.
+    /// Change of the rest per kelvin.
     per_kelvin: Metre,
-    /// Standard error of the baseline by noise, m.
+    /// Standard error of the baseline from noise, m.
     noise: f32,
-    /// Since the touch began, s.
+    /// Time since the start of the touch, s.
     elapsed: f32,
 }
 
-/// How fast temperature may move the rest, K/s, and how far, K: a room that is heated, and a coil's board at work.
+/// Largest rate at which temperature changes, K/s, and largest change, K: a room that is heated,
+/// and the board of a coil in operation.
 const WARMING_K_PER_S: f32 = 2.0 / 60.0;
 const MOST_WARMING_K: f32 = 10.0;
 
@@ -39,10 +43,10 @@ const MOST_WARMING_K: f32 = 10.0;
 const UNIFORM: f32 = 0.577_35;
 
 impl Zero {
-    /// The zero of a touch that began `elapsed` after the baseline's last reading.
+    /// The zero of a touch that started `elapsed` after the baseline's last reading.
     ///
-    /// Where the rest is known it reads 0. Elsewhere all that the line can fall is what it would have fallen by at its rate
-    /// in the time that it has learnt for.
+    /// If the rest is known, it reads 0. Otherwise the largest further fall is the line's rate
+    /// times its learning time.
     pub(super) fn learnt(
         baseline: &Baseline,
         watch: &Watch,
@@ -66,7 +70,7 @@ impl Zero {
         }
     }
 
-    /// The rest, for a touch that was there before any baseline.
+    /// The zero of a touch that was present before any baseline: the rest.
     pub(super) fn at_rest(watch: &Watch) -> Self {
         Self {
             rest_is_known: watch.rest.is_some(),
@@ -88,7 +92,7 @@ impl Zero {
         Second(self.elapsed)
     }
 
-    /// The zero now.
+    /// The current zero.
     pub fn value(&self) -> Metre {
         self.start - Metre(self.fall())
     }
@@ -102,13 +106,14 @@ impl Zero {
         }
     }
 
-    /// Standard uncertainty of its fall since the touch began: sums of modes that are decades apart may have all but stopped
-    /// falling, so that the whole fall is two of them.
+    /// Standard uncertainty of the fall since the start of the touch: a sum of modes that are
+    /// decades apart may have all but stopped falling, so the whole fall counts as two standard
+    /// uncertainties.
     pub(super) fn of_fall(&self) -> Metre {
         Metre(0.5 * self.fall())
     }
 
-    /// Its variance, m^2.
+    /// Variance of the zero, m^2.
     pub fn variance_m2(&self) -> f32 {
         let to_the_rest = if self.rest_is_known {
             (self.left - self.fall()) / NORMAL_975

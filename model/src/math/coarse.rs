@@ -1,15 +1,15 @@
-//! Cheap and coarse functions from `micromath`, for drive waveforms and nothing else.
+//! Fast, coarse functions from `micromath`, for drive waveforms only.
 //!
-//! A demagnetising burst whose envelope is wrong by a thousandth demagnetises as well; an
-//! inductance from them would be lost. `tests/integration/math.rs` proves the budgets over the stated domain.
+//! A demagnetising burst tolerates an envelope that is wrong by a thousandth; an inductance does
+//! not. `tests/integration/math.rs` proves the error bounds over the stated domain.
 
 use micromath::F32;
 
 /// Sine of a phase in turns: absolute error at most 1.2e-3 for any phase that still has a
-/// fraction.
+/// fractional part.
 ///
-/// In turns, because the reduction to one period is then exact: only the fraction reaches
-/// `micromath`, whose own reduction decays with the angle.
+/// The phase is in turns because the reduction to one period is then exact: only the fraction
+/// reaches `micromath`, whose own reduction loses accuracy with the angle.
 ///
 /// ```
 /// use palpate_model::math::coarse::sin_turns;
@@ -20,10 +20,10 @@ pub fn sin_turns(turns: f32) -> f32 {
     F32(fraction * core::f32::consts::TAU).sin().0
 }
 
-/// exp(-x) for a decaying envelope: relative error at most 8.0e-4 for `x` from 0 to 10; zero
-/// beyond 80, one below zero.
+/// exp(-x) for a decaying envelope: relative error at most 8.0e-4 for `x` from 0 to 10; zero above
+/// 80, one below zero.
 ///
-/// As a reciprocal: `micromath`'s exponential is off by 2.4e-3 for negative arguments.
+/// Computed as a reciprocal: `micromath`'s exponential is off by 2.4e-3 for negative arguments.
 ///
 /// ```
 /// use palpate_model::math::coarse::decay;

@@ -1,13 +1,14 @@
-//! Every function that is more than the four basic operations, each with its maximum error.
+//! All functions beyond the four basic operations, each with its maximum error.
 //!
-//! The four operations and `sqrt` are correctly rounded by IEEE 754, in hardware and in
-//! software; `libm` is plain Rust over them and never contracts a product and a sum. So a
-//! formula written with this module gives the same bits on a Cortex-M0+ without a
-//! floating-point unit and on a PC. The `f32` methods of `std` promise no such thing, nor does a
-//! fused multiply-add; neither appears in this crate.
+//! The four operations and `sqrt` are correctly rounded by IEEE 754, in hardware and in software;
+//! `libm` is plain Rust on top of them and never fuses a product and a sum. So a formula written
+//! with this module gives the same bits on a Cortex-M0+ without a floating-point unit and on a PC.
+//! The `f32` methods of `std` and a fused multiply-add do not guarantee that; this crate uses
+//! neither.
 //!
-//! The budgets below are relative to the result and enforced against `f64` by `tests/integration/math.rs`.
-//! Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of the value.
+//! The bounds below are relative to the result and enforced against `f64` by
+//! `tests/integration/math.rs`. Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of
+//! the value.
 
 pub mod coarse;
 pub mod student;
@@ -55,8 +56,8 @@ pub fn floor(x: f32) -> f32 {
     libm::floorf(x)
 }
 
-/// Root of the sum of the squares of two numbers, without overflow or underflow on the way:
-/// relative error at most 2.0e-7.
+/// Square root of the sum of two squares, without intermediate overflow or underflow: relative
+/// error at most 2.0e-7.
 pub fn hypot(a: f32, b: f32) -> f32 {
     let (a, b) = (a.abs(), b.abs());
     let (large, small) = if a > b { (a, b) } else { (b, a) };

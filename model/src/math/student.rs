@@ -1,13 +1,13 @@
-//! Quantile of Student's t distribution, for intervals whose noise is known from its residuals.
+//! Quantile of Student's t distribution, for intervals whose noise is estimated from residuals.
 
 /// The 97.5 % quantile of the normal distribution.
 pub const NORMAL_975: f32 = 1.959_964;
 
-/// The 97.5 % quantile of Student's t for `degrees` of freedom: relative error at most 2.0e-4,
-/// and 1.5e-5 from 8 degrees on; infinite for zero degrees, which know nothing of their noise.
+/// The 97.5 % quantile of Student's t for `degrees` of freedom: relative error at most 2.0e-4, and
+/// 1.5e-5 from 8 degrees on; infinite for zero degrees, which give no estimate of the noise.
 ///
-/// Table for 1 to 4 degrees, then the Cornish-Fisher expansion about the normal quantile to the
-/// fourth order in 1/degrees (Abramowitz and Stegun 26.7.5).
+/// Uses a table for 1 to 4 degrees, then the Cornish-Fisher expansion about the normal quantile to
+/// the fourth order in 1/degrees (Abramowitz and Stegun 26.7.5).
 ///
 /// ```
 /// use palpate_model::math::student::quantile_975;
@@ -25,7 +25,7 @@ pub fn quantile_975(degrees: u32) -> f32 {
     }
 }
 
-/// A&S 26.7.5 as polynomials in z^2, `inverse` = 1/degrees.
+/// The expansion A&S 26.7.5 as polynomials in z^2; `inverse` = 1/degrees.
 fn cornish_fisher(z: f32, inverse: f32) -> f32 {
     let s = z * z;
     let g1 = z * (s + 1.0) / 4.0;

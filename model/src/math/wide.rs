@@ -2,11 +2,11 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// mantissa x 2^exponent with a mantissa of 62 bits: about 18 digits, any size.
+/// A number mantissa x 2^exponent with a mantissa of 62 bits: about 18 digits, any size.
 ///
-/// For what `f32`, with its 7 digits, cannot carry: sums whose differences are wanted. Integer
-/// operations only, so that every machine gives the same bits, and 62 bits because that is what
-/// three 32-bit products make. On a Cortex-M0+, which multiplies integers in one cycle and has no
+/// For sums whose differences are needed, which exceed the 7 digits of `f32`. Uses integer
+/// operations only, so that every machine gives the same bits, and 62 bits because three 32-bit
+/// products give that many. On a Cortex-M0+, which multiplies integers in one cycle and has no
 /// floating-point unit, a product and a sum take 400 cycles; with `f64` in software they take 790,
 /// and with two `f32` as a double word several thousand.
 ///
@@ -17,7 +17,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 /// | quotient | 8.7e-19 (2^-60) of the quotient |
 /// | to and from `f32` | half an ulp, none |
 ///
-/// There is no infinity and no NaN: [`from_f32`](Self::from_f32) wants finite numbers.
+/// Infinity and NaN do not exist: [`from_f32`](Self::from_f32) requires finite numbers.
 ///
 /// ```
 /// use palpate_model::math::Wide;
@@ -27,29 +27,29 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Wide {
-    /// Zero, or of a magnitude from 2^61 to below 2^62.
+    /// Zero, or a magnitude from 2^61 to below 2^62.
     mantissa: i64,
     exponent: i32,
 }
 
-/// Exponent of 1/2^61, which makes a mantissa a number from 1 to 2.
+/// Exponent of 1/2^61, which scales a mantissa to a number from 1 to 2.
 const UNIT: i32 = -61;
 /// Width of the mantissa's lower half.
 const HALF: u32 = 31;
 
 impl Wide {
-    /// 0.
+    /// Zero.
     pub const ZERO: Self = Self {
         mantissa: 0,
         exponent: 0,
     };
-    /// 1.
+    /// One.
     pub const ONE: Self = Self {
         mantissa: 1 << 61,
         exponent: UNIT,
     };
 
-    /// Exact for every finite number; senseless for others.
+    /// Converts a finite number exactly; the result for others is meaningless.
     pub const fn from_f32(x: f32) -> Self {
         const FRACTION_BITS: u32 = 23;
         const FRACTION: u32 = (1 << FRACTION_BITS) - 1;
@@ -65,7 +65,7 @@ impl Wide {
                 exponent.wrapping_add(SMALLEST - 1),
             )
         };
-        // A fraction of 24 bits becomes a mantissa of 62.
+        // A fraction of 24 bits is shifted to a mantissa of 62.
         const UP: u32 = 62 - 24;
         let mantissa = magnitude << UP;
         let signed = if x.is_sign_negative() {
@@ -101,9 +101,9 @@ impl Wide {
         self * Self::from_f32(factor)
     }
 
-    /// Brings a mantissa of any size to its normal one.
+    /// Normalises a mantissa of any size.
     const fn normal(mantissa: i64, exponent: i32) -> Self {
-        // Nearly always at most one place off: not worth counting zeros, 115 cycles.
+        // Nearly always at most one bit off: counting zeros would take 115 cycles.
         match mantissa.unsigned_abs() >> 60 {
             2 | 3 => Self { mantissa, exponent },
             1 => Self {
@@ -119,7 +119,7 @@ impl Wide {
     }
 
     const fn from_far(mantissa: i64, exponent: i32) -> Self {
-        /// Bits in front of a normal mantissa.
+        /// Number of bits above a normal mantissa.
         const SPARE: u32 = 2;
         if mantissa == 0 {
             return Self::ZERO;
@@ -141,7 +141,7 @@ impl Wide {
     }
 }
 
-/// upper x 2^31 + lower, the upper half with the sign.
+/// A number upper x 2^31 + lower, with the sign in the upper half.
 struct Halves {
     upper: i32,
     lower: i32,
@@ -175,7 +175,7 @@ impl Add for Wide {
         if apart > 62 {
             return large;
         }
-        // Rounded, not cut off: the errors of a long sum must not all point one way.
+        // Rounded, not truncated: the errors of a long sum must not all have one sign.
         let aligned = match apart.checked_sub(1) {
             None => small.mantissa,
             Some(less) => small
@@ -184,7 +184,7 @@ impl Add for Wide {
                 .wrapping_add(1)
                 .wrapping_shr(1),
         };
-        // Two magnitudes of at most 2^62: no overflow.
+        // Two magnitudes of at most 2^62 do not overflow.
         Self::normal(large.mantissa.wrapping_add(aligned), large.exponent)
     }
 }
@@ -209,7 +209,7 @@ impl Sub for Wide {
 impl Mul for Wide {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        // The product of the two lower halves is below the last bit.
+        // The product of the two lower halves is below the last bit and omitted.
         let (a, b) = (Halves::of(self.mantissa), Halves::of(other.mantissa));
         let product = |a: i32, b: i32| i64::from(a).wrapping_mul(i64::from(b));
         let middle = product(a.upper, b.lower).wrapping_add(product(a.lower, b.upper));
@@ -224,7 +224,8 @@ impl Mul for Wide {
 
 impl Div for Wide {
     type Output = Self;
-    /// Bit by bit: a fit divides a dozen times, a sample never. Senseless for a divisor of zero.
+    /// Divides bit by bit: a fit divides a dozen times, a sample never. The result for a divisor of
+    /// zero is meaningless.
     fn div(self, divisor: Self) -> Self {
         let below = divisor.mantissa.unsigned_abs();
         let mut rest = self.mantissa.unsigned_abs();

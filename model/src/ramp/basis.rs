@@ -1,10 +1,10 @@
-//! What the estimator solves for: the load, and what else moves the deformation meanwhile.
+//! Unknowns of the estimator: the load, and the drifts of the deformation.
 
 use crate::math;
 use crate::units::{OutOfRange, Second};
 use core::fmt;
 
-/// A slow relative change of the deformation, x -> x (1 + d phi(t)), whose size d is an unknown.
+/// A slow relative change of the deformation, x -> x (1 + d phi(t)); its size d is an unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -16,17 +16,18 @@ pub enum DriftModel {
         /// tau, the time since the load was applied.
         tau: Second,
     },
-    /// phi = 1 - exp(-t/tau): one mode of creep.
+    /// phi = 1 - exp(-t/tau): a single mode of creep.
     Exponential {
         /// tau, the mode's time constant.
         tau: Second,
     },
-    /// phi = frac(t/period) - 1/2: what starts anew with every falling ramp, as the coil's heat.
+    /// phi = frac(t/period) - 1/2: an effect that restarts with every falling ramp, such as the
+    /// coil's heat.
     ///
-    /// It looks much like the signal itself, which repeats with the same period: expect the price
-    /// of a linear drift over a single ramp, four times the standard error.
+    /// Its shape resembles the signal, which repeats with the same period: it costs as much as a
+    /// linear drift over a single ramp, four times the standard error.
     SawTooth {
-        /// From one ramp's start to the next.
+        /// Time from one ramp's start to the next.
         period: Second,
     },
 }
@@ -40,7 +41,8 @@ impl DriftModel {
         }
     }
 
-    /// phi(t). Absolute error at most 2.0e-7 (1 + phi), a saw-tooth's jumps apart.
+    /// Value of phi(t). Absolute error at most 2.0e-7 (1 + phi), except at the jumps of a
+    /// saw-tooth.
     pub fn at(&self, time: Second) -> f32 {
         match *self {
             Self::Linear => time.0,
@@ -72,7 +74,7 @@ pub enum Term {
 }
 
 impl Term {
-    /// Power of h that it multiplies; `None` for a drift.
+    /// Power of h in this term; `None` for a drift.
     pub(super) const fn power(&self) -> Option<u8> {
         match self {
             Self::Level => Some(0),
@@ -84,7 +86,7 @@ impl Term {
     }
 }
 
-/// Why terms make no basis.
+/// Reason why terms do not form a basis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BasisError {
@@ -92,9 +94,9 @@ pub enum BasisError {
     LevelAndSlopeFirst,
     /// There are more than [`MOST_TERMS`].
     TooMany,
-    /// The term at `index` has appeared before.
+    /// The term at `index` occurs twice.
     Repeated {
-        /// Its place.
+        /// Index of the second occurrence.
         index: usize,
     },
     /// A time constant is not above zero.
@@ -114,20 +116,20 @@ impl fmt::Display for BasisError {
 
 impl core::error::Error for BasisError {}
 
-/// Unknowns that a fit can have: four of the load and two drifts.
+/// Largest number of unknowns of a fit: four of the load and two drifts.
 pub const MOST_TERMS: usize = 6;
 
-/// The unknowns of a fit, checked. Each costs time as their number's square.
+/// The checked unknowns of a fit. The time per sample grows with the square of their number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Basis {
-    /// Those beyond the count are levels.
+    /// Entries beyond the count are [`Term::Level`].
     terms: [Term; MOST_TERMS],
     count: usize,
 }
 
 impl Basis {
-    /// A linear load and no disturbance: eq. (2) for a whole ramp.
+    /// A linear load without drift: eq. (2) for a whole ramp.
     pub const LINEAR: Self = Self {
         terms: [
             Term::Level,
@@ -140,12 +142,12 @@ impl Basis {
         count: 2,
     };
 
-    /// A linear load and one drift.
+    /// A basis of a linear load and one drift.
     pub fn with_drift(drift: DriftModel) -> Result<Self, BasisError> {
         Self::new(&[Term::Level, Term::Slope, Term::Drift(drift)])
     }
 
-    /// Any unknowns, level and slope first, none twice.
+    /// A basis of any unknowns: level and slope first, no repetition.
     ///
     /// ```
     /// use palpate_model::ramp::{Basis, DriftModel, Term};
@@ -178,7 +180,8 @@ impl Basis {
         Ok(basis)
     }
 
-    /// The first unknowns alone; `None` if there are not as many, or not level and slope.
+    /// The basis of the first unknowns only; `None` if there are not as many, or they are not level
+    /// and slope.
     pub(super) fn first(&self, count: usize) -> Option<Self> {
         Self::new(self.terms().get(..count)?).ok()
     }

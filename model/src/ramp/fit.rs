@@ -1,4 +1,4 @@
-//! The result of a ramp.
+//! Result of a ramp.
 
 use super::interval::{RatioCovariance, fieller};
 use super::moments::{Row, Solution};
@@ -6,18 +6,19 @@ use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, RampRefusal, Reference}
 use crate::math::{Wide, sqrt};
 use crate::units::{Metre, Newton, NewtonPerMetre};
 
-/// How far the residuals are believed against the sigmas stated with the samples.
+/// Source of the noise level: the sigmas stated with the samples, or the residuals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Noise {
-    /// The sigmas are right as stated; quantiles of the normal distribution.
+    /// The stated sigmas are right; quantiles of the normal distribution.
     Stated,
-    /// The sigmas are right up to a common factor, taken from the residuals; Student's quantiles.
+    /// The sigmas are right up to a common factor, estimated from the residuals; Student's
+    /// quantiles.
     Residual,
-    /// Whichever of the two is larger (Birge's rule), Student's quantiles: noise that the
-    /// sigmas do not state, as vibration, widens the interval, and lucky residuals do not narrow it.
-    /// With right sigmas and 400 samples it covers 95.4 % for 95 %.
+    /// The larger of the two (Birge's rule), with Student's quantiles: noise that the sigmas do not
+    /// include, such as vibration, widens the interval, and small residuals do not narrow it. With
+    /// right sigmas and 400 samples a 95 % interval covers 95.4 %.
     #[default]
     Larger,
 }
@@ -35,13 +36,13 @@ pub struct Coefficient {
 
 /// A point of the load's curve F(x_L).
 ///
-/// The two errors come from the same deformation and are correlated, nearly -1: what one sigma
-/// moves up along F it moves back along x_L.
+/// The two errors come from the same deformation and their correlation is nearly -1: an error that
+/// raises F lowers x_L.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LoadCurvePoint {
-    /// F = c_S x_S.
+    /// Force F = c_S x_S.
     pub force: Newton,
     /// Displacement of the load.
     pub displacement: Metre,
@@ -51,7 +52,7 @@ pub struct LoadCurvePoint {
     pub displacement_sigma: Metre,
 }
 
-/// The fitted ramp, x_S as a function of the regressor with the drifts taken out:
+/// The fitted ramp, x_S as a function of the regressor with the drifts removed:
 ///
 /// x(h) = x_ref / l(h), l(h) = 1 + alpha + beta h (+ gamma h^2 + delta h^3).
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +67,7 @@ pub struct Fit {
     centre: f32,
 }
 
-/// l(h) and l'(h), with their derivatives by the coefficients.
+/// Values of l(h) and l'(h), with their derivatives with respect to the coefficients.
 struct FittedCurve {
     level: Wide,
     slope: Wide,
@@ -105,15 +106,16 @@ impl Fit {
         })
     }
 
-    /// kappa = c_S/c_L of a linear load, or of a non-linear one at the middle of the ramp.
+    /// Load ratio kappa = c_S/c_L of a linear load; of a non-linear one, the ratio at the middle of
+    /// the ramp.
     pub fn load_ratio(&self) -> Result<LoadRatio, RampRefusal> {
         self.load_ratio_at(self.centre)
     }
 
-    /// kappa = c_S/c_L where the regressor deviates by `h`: from the *tangent* of the load.
+    /// Load ratio kappa = c_S/c_L at the regressor deviation `h`, from the *tangent* of the load.
     ///
-    /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), whatever x_0 is. With a
-    /// straight line l, no quadratic or cubic term in the basis, it is the same for all `h`.
+    /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), independent of x_0. With a
+    /// straight line l, without quadratic or cubic term in the basis, it is the same for all `h`.
     pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, RampRefusal> {
         let curve = self.curve(h);
         let slope = curve.slope.to_f32();
@@ -130,7 +132,8 @@ impl Fit {
             let significance = slope / sqrt(covariance.denominator);
             return Err(RampRefusal::SignalReversed { significance });
         }
-        // As wide numbers: for a stiff load the ratio is nearly 1 + g, and kappa the small rest.
+        // As wide numbers: for a stiff load the ratio is nearly 1 + g, and kappa is the small
+        // difference.
         let value =
             (quotient - Wide::ONE - Wide::from_f32(self.reference.regressor()) - Wide::from_f32(h))
                 .to_f32();
@@ -150,14 +153,14 @@ impl Fit {
         }
     }
 
-    /// c_L with its 95 % interval, statistical errors only; see
+    /// Load stiffness c_L with its 95 % interval from statistical errors only; see
     /// [`uncertainty`](crate::uncertainty) for the calibration's.
     pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, RampRefusal> {
         self.load_ratio()?.stiffness(sensing)
     }
 
-    /// The load's force and displacement where the regressor deviates by `h`, the displacement
-    /// counted from the state h = 0, as the ramp alone shows it.
+    /// Force and displacement of the load at the regressor deviation `h`, from the ramp alone: the
+    /// displacement is counted from the state h = 0.
     pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let (rest, curve) = (self.curve(0.0), self.curve(h));
         let (l0, l) = (rest.level.to_f32(), curve.level.to_f32());
@@ -165,7 +168,7 @@ impl Fit {
             1.0 + self.reference.regressor(),
             1.0 + self.reference.regressor() + h,
         );
-        // x_0 - x (1 + g) minus its value at h = 0, over one denominator: nothing cancels.
+        // x_0 - x (1 + g) minus its value at h = 0, over one denominator, so that no digits cancel.
         let change = (curve.level - rest.level).to_f32();
         let numerator = at_rest * change - h * l0;
         let x_ref = self.reference.deformation().0;
@@ -182,8 +185,8 @@ impl Fit {
         }
     }
 
-    /// The load's force and displacement where the regressor deviates by `h`, the displacement
-    /// counted from the unloaded object: needs x_0, the whole way pressed since contact.
+    /// Force and displacement of the load at the regressor deviation `h`, the displacement counted
+    /// from the unloaded object. Needs x_0, the total displacement since contact.
     pub fn load_point_within(
         &self,
         h: f32,
@@ -211,13 +214,12 @@ impl Fit {
         }
     }
 
-    /// x_0, the way pressed in all, if the load is linear from its first touch: x_ref/beta at
-    /// h = 0.
+    /// Total displacement x_0, if the load is linear from its first touch: x_ref/beta at h = 0.
     pub fn total_displacement(&self) -> Metre {
         self.reference.deformation() / self.curve(0.0).slope.to_f32()
     }
 
-    /// The coefficient of the basis' term at `index`; a drift's is its relative size d.
+    /// Coefficient of the basis' term at `index`; for a drift its relative size d.
     pub fn coefficient(&self, index: usize) -> Option<Coefficient> {
         self.basis.terms().get(index)?;
         let variance = *self.covariance.get(index)?.get(index)?;
@@ -228,18 +230,18 @@ impl Fit {
         })
     }
 
-    /// Sum of the squared residuals over the stated sigmas.
+    /// Sum of the squared residuals divided by the squared stated sigmas.
     pub const fn chi_square(&self) -> f32 {
         self.chi_square
     }
 
-    /// Samples less unknowns.
+    /// Number of samples minus number of unknowns.
     pub const fn degrees_of_freedom(&self) -> u32 {
         self.degrees
     }
 
-    /// Chi-square per degree of freedom: near 1 when noise and model are as stated. `None`
-    /// without a degree of freedom.
+    /// Chi-square per degree of freedom: near 1 if noise and model are as stated. `None` without a
+    /// degree of freedom.
     pub fn reduced_chi_square(&self) -> Option<f32> {
         (self.degrees > 0).then(|| self.chi_square / self.degrees as f32)
     }
@@ -288,7 +290,7 @@ impl Fit {
     }
 }
 
-/// What turns the inverse of the moments into a covariance.
+/// Factors that turn the inverse of the moments into a covariance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ErrorScale {
     pub(super) row_variance: Wide,
@@ -301,7 +303,7 @@ fn power(h: f32, exponent: u8) -> f32 {
     (0..exponent).fold(1.0, |product, _| product * h)
 }
 
-/// d h^n / dh.
+/// Derivative d h^n / dh.
 fn derivative(h: f32, exponent: u8) -> f32 {
     exponent
         .checked_sub(1)

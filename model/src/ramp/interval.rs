@@ -1,14 +1,15 @@
-//! Intervals for a ratio, and what they say about a stiffness.
+//! Intervals of a ratio, and of the stiffness derived from it.
 
 use super::RampRefusal;
 use crate::math::{hypot, sqrt, student::NORMAL_975};
 use crate::uncertainty::coverage_factor;
 use crate::units::NewtonPerMetre;
 
-/// kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 % interval.
+/// Load ratio kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 %
+/// interval.
 ///
-/// This, not the stiffness, is the quantity whose error is nearly normal: a rigid load is an
-/// ordinary point, kappa = 0, and an estimate may fall a little below it by noise.
+/// The error of this ratio, not of the stiffness, is nearly normal: a rigid load is an ordinary
+/// point, kappa = 0, and noise may put an estimate a little below it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -23,12 +24,12 @@ pub struct LoadRatio {
     pub high: f32,
 }
 
-/// What is known of the load's stiffness at 95 %.
+/// Load stiffness with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LoadStiffness {
-    /// Between two bounds.
+    /// Bounded on both sides.
     Within {
         /// Estimate of c_L.
         value: NewtonPerMetre,
@@ -39,7 +40,7 @@ pub enum LoadStiffness {
         /// Upper end of the interval.
         high: NewtonPerMetre,
     },
-    /// Not distinguished from rigid: the interval has no upper end.
+    /// Not distinguishable from a rigid load: the interval has no upper end.
     AtLeast {
         /// Lower end of the interval.
         low: NewtonPerMetre,
@@ -54,7 +55,7 @@ impl LoadStiffness {
         }
     }
 
-    /// Upper end of the 95 % interval; `None` when it has none.
+    /// Upper end of the 95 % interval; `None` if it has none.
     pub const fn high(&self) -> Option<NewtonPerMetre> {
         match *self {
             Self::Within { high, .. } => Some(high),
@@ -62,7 +63,7 @@ impl LoadStiffness {
         }
     }
 
-    /// Best estimate; `None` when the load cannot be distinguished from a rigid one.
+    /// Best estimate; `None` if the load cannot be distinguished from a rigid one.
     pub const fn value(&self) -> Option<NewtonPerMetre> {
         match *self {
             Self::Within { value, .. } => Some(value),
@@ -77,8 +78,8 @@ impl LoadStiffness {
 }
 
 impl LoadRatio {
-    /// The same with a further standard uncertainty of kappa: standard errors and the interval's two
-    /// reaches each as root of the sum of squares.
+    /// The ratio with a further standard uncertainty of kappa: adds it to the standard error and to
+    /// both half-widths of the interval, each as root of the sum of squares.
     #[must_use]
     pub fn with_uncertainty(&self, further: f32) -> Self {
         let reach = NORMAL_975 * further;
@@ -90,8 +91,8 @@ impl LoadRatio {
         }
     }
 
-    /// The same, where so much of the standard error is that of errors which are uniform within limits: the interval's
-    /// two reaches by [`coverage_factor`].
+    /// The ratio if the part `uniform` of the standard error comes from errors that are uniform
+    /// within limits: both half-widths of the interval by [`coverage_factor`].
     #[must_use]
     pub fn with_uniform_part(&self, uniform: f32) -> Self {
         let factor = coverage_factor(uniform / self.standard_error) / NORMAL_975;
@@ -102,7 +103,7 @@ impl LoadRatio {
         }
     }
 
-    /// c_L = c_S/kappa: the interval of kappa turned over, exactly as wide in probability.
+    /// Stiffness c_L = c_S/kappa: the interval of kappa inverted, with exactly the same coverage.
     ///
     /// ```
     /// use palpate_model::ramp::{LoadRatio, LoadStiffness};
@@ -140,7 +141,7 @@ impl LoadRatio {
     }
 }
 
-/// Variances of numerator and denominator of a ratio, and their covariance.
+/// Variances of numerator and denominator of a ratio, with their covariance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RatioCovariance {
     pub(super) numerator: f32,
@@ -148,10 +149,10 @@ pub(super) struct RatioCovariance {
     pub(super) denominator: f32,
 }
 
-/// Distances from the estimate `ratio` to the ends of its interval, lower (negative) and upper.
+/// Distances from the estimate `ratio` to the lower (negative) and upper end of its interval.
 ///
-/// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): all rho for
-/// which numerator - rho denominator is within `quantile` standard errors of zero. Written in
+/// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): all rho for which
+/// numerator - rho denominator is within `quantile` standard errors of zero. Written in
 /// delta = rho - ratio, which keeps the digits that the textbook's quadratic in rho loses:
 ///
 /// (b^2 - t^2 V_bb) delta^2 - 2 t^2 (rho V_bb - V_ab) delta - t^2 V_rho <= 0.

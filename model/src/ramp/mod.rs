@@ -3,33 +3,33 @@
 //! # Model
 //!
 //! Three springs in series keep x (1 + kappa + g) = x_0 (see [`springs`](crate::springs)), so the
-//! reciprocal of the deformation is linear in the regressor g = c_S/c_D(I), and a disturbance
-//! x -> x (1 + d phi(t)) adds a column:
+//! reciprocal of the deformation is linear in the regressor g = c_S/c_D(I), and a
+//! disturbance x -> x (1 + d phi(t)) adds a column:
 //!
 //! x_ref/x (1 + d phi) = 1 + alpha + beta h, with h = g - g_ref.
 //!
 //! Then kappa = (1 + alpha)/beta - (1 + g_ref) and c_L = c_S/kappa; x_ref and g_ref are any
-//! constants near the data. Multiplied by x it loses the reciprocal and is solved as it stands,
-//! with u = x - x_ref:
+//! constants near the data. Multiplied by x, the equation has no reciprocal and is solved in this
+//! form, with u = x - x_ref:
 //!
 //! -u = alpha x + beta h x - d phi x_ref + noise, weight 1/var = (x / (x_ref sigma))^2,
 //!
-//! which is the fit of 1/x on g with weights x^4/sigma^2, exact for a drift of any size, and for
-//! two samples it is eq. (2). The noise in the columns biases it in second order only, by
-//! 3 (sigma/x)^2 of alpha + 1 and beta alike, which cancels in their ratio. The weights leave
-//! 1 + d phi out, so stated standard errors are off by the fraction d phi.
+//! which is the fit of 1/x on g with weights x^4/sigma^2, exact for a drift of any size; for two
+//! samples it is eq. (2). The noise in the columns causes a bias in second order only, 3
+//! (sigma/x)^2 of alpha + 1 and of beta alike, which cancels in their ratio. The weights omit 1 + d
+//! phi, so stated standard errors are off by the fraction d phi.
 //!
-//! A load that is not linear bends the line: [`Term::Quadratic`] and [`Term::Cubic`] follow it,
-//! and tangent stiffness and load curve come from the bent line. The stiffness so found is the
-//! tangent's in any case; the way from the load's first touch to its state on the ramp is not in
+//! A non-linear load bends the line: [`Term::Quadratic`] and [`Term::Cubic`] fit the bend, and
+//! tangent stiffness and load curve come from the bent line. The stiffness is always that of the
+//! tangent; the ramp does not contain the displacement from the load's first touch to its state on
 //! the ramp.
 //!
 //! # Design of the ramp
 //!
 //! Standard error of c_L for 400 samples of 1e-4 noise, a stiffening of 3 %, three equal springs:
 //! 0.51 % with no drift term; 2.1 % with a linear one; 3.2 % with a logarithmic one; but 0.51 %
-//! with that same term when the samples cover eight short falling ramps. Use many short ramps, and
-//! push them all into one [`Ramp`].
+//! with the logarithmic term if the samples cover eight short falling ramps. Use many short ramps,
+//! and push them all into one [`Ramp`].
 //!
 //! # Example
 //!
@@ -80,10 +80,10 @@ use crate::units::{Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Secon
 use fit::ErrorScale;
 use moments::{Dependent, Moments, Row};
 
-/// The point from which the samples' deviations are counted, held exactly.
+/// The point from which the samples' deviations are counted, stored exactly.
 ///
-/// Any state near the ramp will do, best its first sample. It costs no accuracy in itself: the
-/// deviations do, when they are rounded to `f32` far from it.
+/// Any state near the ramp will do, preferably its first sample. The reference itself costs no
+/// accuracy; deviations do if they are rounded to `f32` far from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reference {
@@ -92,7 +92,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// x_ref above zero, g_ref at least zero.
+    /// Creates a reference: x_ref above zero, g_ref at least zero.
     pub fn new(deformation: Metre, regressor: f32) -> Result<Self, OutOfRange> {
         Ok(Self {
             deformation: Metre::positive(deformation.0)?,
@@ -100,12 +100,12 @@ impl Reference {
         })
     }
 
-    /// x_ref.
+    /// Reference deformation x_ref.
     pub const fn deformation(&self) -> Metre {
         self.deformation
     }
 
-    /// g_ref.
+    /// Reference regressor g_ref.
     pub const fn regressor(&self) -> f32 {
         self.regressor
     }
@@ -116,21 +116,21 @@ impl Reference {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RampSample {
-    /// Time since the drifts' origin, the middle of the reading's window.
+    /// Time from the drifts' origin to the middle of the reading's window.
     pub time: Second,
-    /// u = x - x_ref. With x as a whole `f32` at hand, u = x - x_ref is exact within a factor of
-    /// two of x_ref (Sterbenz).
+    /// Deviation u = x - x_ref. If x is available as a whole `f32`, u = x - x_ref is exact within a
+    /// factor of two of x_ref (Sterbenz).
     pub deformation: Metre,
-    /// h = g - g_ref, from the current averaged over the same window.
+    /// Deviation h = g - g_ref, from the current averaged over the reading's window.
     pub regressor: f32,
-    /// Standard deviation of u, with that of the regressor in it if it matters
+    /// Standard deviation of u, including that of the regressor if it matters
     /// ([`with_regressor_sigma`](Self::with_regressor_sigma)).
     pub sigma: Metre,
 }
 
 impl RampSample {
-    /// Adds the regressor's noise to sigma: at most x sigma_g / (1 + g) of deformation, which is
-    /// what a rigid load makes of it; a softer load less, by 1/(1 + kappa/(1 + g)).
+    /// Adds the regressor's noise to sigma: at most x sigma_g / (1 + g) of deformation, the effect
+    /// with a rigid load; with a softer load less, by 1/(1 + kappa/(1 + g)).
     ///
     /// Noise of the regressor also flattens the line: c_L is too low by the fraction
     /// (1 + kappa + g)/kappa times var(noise of g)/var(g over the ramp).
@@ -145,7 +145,7 @@ impl RampSample {
         }
     }
 
-    /// The load's force and displacement from this one sample, drifts and all: F = c_S x, and
+    /// Force and displacement of the load from this one sample, including drifts: F = c_S x, and
     /// the displacement x_0 - x (1 + g) counted from the reference state.
     pub fn load_point(&self, reference: &Reference, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let deformation = reference.deformation + self.deformation;
@@ -169,13 +169,13 @@ impl RampSample {
 pub struct Ramp {
     basis: Basis,
     reference: Reference,
-    /// Sigma of the first sample, to which the others' are compared.
+    /// Sigma of the first sample, to which the other sigmas are related.
     sigma: Option<Metre>,
     moments: Moments,
 }
 
 impl Ramp {
-    /// Empty sums.
+    /// Creates empty sums.
     pub const fn new(reference: Reference, basis: Basis) -> Self {
         Self {
             basis,
@@ -185,22 +185,22 @@ impl Ramp {
         }
     }
 
-    /// What is solved for.
+    /// The unknowns of the fit.
     pub const fn basis(&self) -> &Basis {
         &self.basis
     }
 
-    /// The point from which the samples count.
+    /// The reference point of the samples.
     pub const fn reference(&self) -> &Reference {
         &self.reference
     }
 
-    /// Samples taken.
+    /// Number of samples taken.
     pub const fn samples(&self) -> u32 {
         self.moments.rows()
     }
 
-    /// Takes a sample into the sums, or leaves the sums as they were.
+    /// Adds a sample to the sums; on an error the sums are unchanged.
     pub fn push(&mut self, sample: &RampSample) -> Result<(), Rejected> {
         let (x_ref, u) = (self.reference.deformation, sample.deformation);
         let h = sample.regressor;
@@ -220,7 +220,7 @@ impl Ramp {
         if x.0 <= 0.0 {
             return Err(Rejected::Unpressed);
         }
-        // Root of the weight, in units of the first sample's.
+        // Square root of the weight, in units of the first sample's.
         let weight = x / x_ref * (first / sample.sigma);
         // Negated, so that NaN, from zero over zero, is rejected.
         if !(weight > 0.0 && weight.is_finite()) {
@@ -246,8 +246,8 @@ impl Ramp {
         Ok(())
     }
 
-    /// The samples taken since these sums were `earlier`, a copy of them: one run of sums serves a
-    /// train of ramps and each ramp by itself. `None` if `earlier` is no such copy.
+    /// The sums of the samples taken since `earlier`, a copy of these sums: one run of sums serves
+    /// a train of ramps and each single ramp. `None` if `earlier` is not such a copy.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample};
@@ -279,14 +279,15 @@ impl Ramp {
         })
     }
 
-    /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.
+    /// Solves for the load and the drifts. The sums are kept, so a ramp can be evaluated while it
+    /// is running.
     pub fn fit(&self, noise: Noise) -> Result<Fit, RampRefusal> {
         self.solve(&self.basis, noise)
     }
 
-    /// Solves with the first `count` unknowns alone, bit for bit as if the samples had been pushed
-    /// to those: one run of sums serves a simple evaluation and one with further terms. `None` if
-    /// there are not as many unknowns.
+    /// Solves for the first `count` unknowns only, bit for bit as if the samples had been pushed to
+    /// these alone: one run of sums serves a simple evaluation and one with further terms. `None`
+    /// if there are not as many unknowns.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample, Term};
@@ -327,7 +328,7 @@ impl Ramp {
         let sigma = Wide::from_f32(self.sigma.unwrap_or_default().0);
         let stated = sigma * sigma;
         let chi_square = (solution.residual / stated).to_f32().max(0.0);
-        // Chi-square per degree of freedom, by which the stated variances are to be multiplied.
+        // Chi-square per degree of freedom, the factor of the stated variances.
         let factor = match noise {
             Noise::Stated => 1.0,
             Noise::Larger if degrees == 0 => 1.0,
@@ -353,8 +354,8 @@ impl Ramp {
         )
     }
 
-    /// Standard deviation of the samples' residuals as a length at x_ref; `None` before the sums
-    /// can be solved with a sample left over.
+    /// Standard deviation of the samples' residuals as a length at x_ref; `None` if the sums cannot
+    /// be solved with a sample left over.
     pub fn residual_sigma(&self) -> Option<Metre> {
         let count = self.basis.terms().len();
         let degrees = self

@@ -1,22 +1,23 @@
 //! Running sums of a weighted least-squares fit, and their solution.
 //!
-//! **Why wide numbers.** At a stiffening of 0.5 % and a load ten times the sensor's stiffness the
-//! answer depends on the seventh digit of a slope, and normal equations square the condition that
-//! drifts bring. Sums of `f32`, even centred (Welford), are off by 3e-5 of c_L there, and by 2e-3
-//! with a creep term (`examples/precision.rs`); compensation does not mend the rounding of the
-//! products. So rows are formed, multiplied and summed as [`Wide`] integers of 62 bits: the sums
-//! are those of the very inputs, however long the ramp, and on a processor without a
-//! floating-point unit they cost no more than `f32` sums
-//! with compensation would. Centring is then no art any more, it is the
-//! first elimination step. What is left is the `f32` rounding of the inputs and of the result.
+//! **Why wide numbers.** At a stiffening of 0.5 % and a load ten times as stiff as the sensor the
+//! result depends on the seventh digit of a slope, and normal equations square the condition
+//! number, which drifts increase. Sums of `f32`, even centred (Welford), are off by 3e-5 of c_L
+//! there, and by 2e-3 with a creep term (`examples/precision.rs`); compensation does not repair the
+//! rounding of the products. So rows are formed, multiplied and summed as [`Wide`] integers of 62
+//! bits: the sums are exact for the given inputs, however long the ramp, and on a processor without
+//! a floating-point unit they cost no more than `f32` sums with compensation. Centring then needs
+//! no special care: it is the first elimination step. The `f32` rounding of the inputs and of the
+//! result remains.
 
 use super::MOST_TERMS;
 use crate::math::Wide;
 
-/// A number for each unknown; those of unknowns that are not there are zero.
+/// One number per unknown; those of missing unknowns are zero.
 pub(super) type Row<T> = [T; MOST_TERMS];
 
-/// Upper triangle of the weighted cross products of the columns, and those with the response.
+/// Upper triangle of the weighted cross products of the columns, and the cross products with the
+/// response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) struct Moments {
@@ -35,30 +36,30 @@ pub(super) struct Solution {
     pub(super) inverse: Row<Row<Wide>>,
     /// Sum of the squared residuals.
     pub(super) residual: Wide,
-    /// Mean of the slope's column over that of the level.
+    /// Mean of the slope's column divided by that of the level.
     pub(super) centre: f32,
 }
 
-/// The column at this place has too little that the ones before it have not.
+/// Error: the column with this index depends too closely on the columns before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dependent(pub(super) usize);
 
-/// Index of the level's column, the one that centres all others.
+/// Index of the level's column, which centres all others.
 const LEVEL: usize = 0;
 /// Index of the slope's column.
 const SLOPE: usize = 1;
 
-/// Smallest part of a column's sum of squares that may be left after centring.
+/// Smallest part of a column's sum of squares that must remain after centring.
 ///
-/// `f32` inputs resolve 6e-8 of a column, so 1e-10 of its square is a spread of 1e-5, known to
-/// 0.6 %: with less there is no regressor.
+/// `f32` inputs resolve 6e-8 of a column, so 1e-10 of its square is a spread of 1e-5, known to 0.6
+/// %: with less there is no usable regressor.
 const CENTRED_MIN: f32 = 1e-10;
 
-/// Smallest part of a centred column's sum of squares that may be left after the elimination of
-/// the others: the inverse of the largest variance inflation.
+/// Smallest part of a centred column's sum of squares that must remain after the elimination of the
+/// others: the inverse of the largest variance inflation.
 ///
-/// At one millionth the standard errors are a thousand times those of the column alone, far
-/// beyond use, and the sums still carry seven digits of what is left.
+/// At one millionth the standard errors are a thousand times those of the column alone, far beyond
+/// use, and the sums still carry seven digits of the remainder.
 const TOLERANCE_MIN: f32 = 1e-6;
 
 impl Moments {
@@ -73,7 +74,7 @@ impl Moments {
         self.rows
     }
 
-    /// Adds one row, already multiplied by the root of its weight.
+    /// Adds one row, already multiplied by the square root of its weight.
     pub(super) fn add(&mut self, row: &[Wide], response: Wide) {
         let sums = self.products.iter_mut().zip(&mut self.with_response);
         for (i, (&a, (products, with_response))) in row.iter().zip(sums).enumerate() {
@@ -86,8 +87,8 @@ impl Moments {
         self.rows = self.rows.saturating_add(1);
     }
 
-    /// The sums of the rows that were added since they were `earlier`: exact but for the rounding
-    /// of the sums themselves, 2^-60 of the longer ones.
+    /// The sums of the rows added since `earlier`: exact except for the rounding of the sums
+    /// themselves, 2^-60 of the longer ones.
     pub(super) fn since(&self, earlier: &Self) -> Self {
         let mut since = *self;
         let rows = since.products.iter_mut().zip(&earlier.products);
@@ -103,9 +104,9 @@ impl Moments {
     }
 
     /// Solves for the first `count` columns by sweeping them one after another (Goodnight, *A
-    /// tutorial on the SWEEP operator*, The American Statistician 33, 1979): the level first, which
-    /// centres; then disturbances and curvature; the slope last, so that its pivot is what they
-    /// have left of it.
+    /// tutorial on the SWEEP operator*, The American Statistician 33, 1979): first the level, which
+    /// centres; then disturbances and curvature; last the slope, so that its pivot is the part of
+    /// it that the others do not explain.
     pub(super) fn solve(&self, count: usize) -> Result<Solution, Dependent> {
         let mut sweep = Sweep {
             count,
@@ -145,8 +146,8 @@ impl Moments {
     }
 }
 
-/// Cross products during the Gauss-Jordan elimination in place: swept columns already hold
-/// the inverse, the others what is left of them.
+/// Cross products during the Gauss-Jordan elimination in place: swept columns already contain the
+/// inverse, the others their remainder.
 struct Sweep {
     count: usize,
     rows: Row<Row<Wide>>,
@@ -191,7 +192,7 @@ impl Sweep {
     }
 }
 
-/// The first columns, the others zero.
+/// The first `count` columns, with zeros in the others.
 fn first(row: &Row<Wide>, count: usize) -> Row<Wide> {
     core::array::from_fn(|i| match row.get(i) {
         Some(&entry) if i < count => entry,
@@ -199,7 +200,8 @@ fn first(row: &Row<Wide>, count: usize) -> Row<Wide> {
     })
 }
 
-/// The whole of the first rows and columns from their upper triangle, the others zero.
+/// The full symmetric matrix of the first rows and columns from their upper triangle, with zeros in
+/// the others.
 fn symmetric(upper: &Row<Row<Wide>>, count: usize) -> Row<Row<Wide>> {
     core::array::from_fn(|i| {
         core::array::from_fn(|j| {

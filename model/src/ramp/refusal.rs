@@ -1,17 +1,17 @@
-//! Why there is no estimate.
+//! Reasons for refusing a sample or an estimate.
 
 use core::fmt;
 
-/// A sample that was not taken into the sums; the ramp is as it was before.
+/// Reason why a sample was not added to the sums, which stay unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rejected {
     /// A number is infinite or NaN.
     NotFinite,
-    /// The deformation is not above zero: nothing presses.
+    /// The deformation is not above zero: no object presses on the sensor.
     Unpressed,
-    /// Sigma is not above zero, or gives no weight within the range of `f32`.
+    /// Sigma is not above zero, or its weight is outside the range of `f32`.
     Sigma,
 }
 
@@ -27,39 +27,39 @@ impl fmt::Display for Rejected {
 
 impl core::error::Error for Rejected {}
 
-/// Why a ramp gives no stiffness.
+/// Reason why a ramp gives no stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RampRefusal {
-    /// Fewer samples than unknowns, or no sample left over to tell the noise from.
+    /// Fewer samples than unknowns, or no sample left over to estimate the noise.
     TooFewSamples {
         /// Samples taken.
         have: u32,
         /// Samples needed.
         need: u32,
     },
-    /// A term cannot be distinguished from the ones before it: the current did not change, or a drift
-    /// has the shape of the signal.
+    /// A term cannot be distinguished from the terms before it: the current did not change, or a
+    /// drift has the shape of the signal.
     IllConditioned {
         /// Index of the term in the basis.
         term: usize,
     },
     /// The result left the range of `f32`.
     NotFinite,
-    /// The deformation does not follow the regressor beyond doubt, so that no stiffness from zero
-    /// to infinity is excluded.
+    /// The deformation does not clearly follow the regressor, so that no stiffness from zero to
+    /// infinity is excluded.
     SignalTooSmall {
         /// Slope over its standard error.
         significance: f32,
     },
-    /// The deformation follows the regressor the wrong way round: with the actuated layer's
-    /// softening the sensing layer yields more. Cross-talk, or polarity of a calibration.
+    /// The deformation follows the regressor with the wrong sign: when the actuated layer softens,
+    /// the sensing layer deforms more. Caused by cross-talk, or by the sign of a calibration.
     SignalReversed {
         /// Slope over its standard error.
         significance: f32,
     },
-    /// The whole interval is of negative stiffness: drift that was not modelled, or a wrong
+    /// The whole interval is negative: caused by drift without a term in the basis, or by a wrong
     /// calibration.
     NegativeStiffness {
         /// Upper end of the interval of c_S/c_L, below zero.

@@ -1,13 +1,13 @@
-//! Do several estimates of one thing agree?
+//! Agreement of several estimates of the same quantity.
 
 use crate::math::sqrt;
 
 /// Running weighted mean of estimates with standard errors, and their scatter about it.
 ///
-/// One fit over a train of ramps takes its standard error from white noise. What is slower than a
-/// sample and faster than the train - vibration, a regressor that misses the creep - moves every
-/// single ramp's own estimate; their scatter shows it. So fit each ramp by itself as well
-/// ([`Basis::LINEAR`](super::Basis::LINEAR) is enough) and feed its kappa here.
+/// One fit over a train of ramps takes its standard error from white noise. A disturbance slower
+/// than a sample and faster than the train - vibration, a regressor that omits the creep - shifts
+/// the estimate of every single ramp, and the scatter of these estimates shows it. So fit each ramp
+/// separately as well ([`Basis::LINEAR`](super::Basis::LINEAR) is enough) and add its kappa here.
 ///
 /// ```
 /// use palpate_model::ramp::Scatter;
@@ -26,22 +26,22 @@ pub struct Scatter {
     weight: f32,
     mean: f32,
     chi_square: f32,
-    /// Sum of the squared differences from one estimate to the next, each over its variance.
+    /// Sum of the squared differences between successive estimates, each over its variance.
     successive: f32,
-    /// The last estimate, and its variance.
+    /// The last estimate with its variance.
     last: Option<(f32, f32)>,
     count: u32,
 }
 
 impl Scatter {
-    /// Adds an estimate; one without a finite value or a positive error is not taken.
+    /// Adds an estimate; ignores one without a finite value or a positive error.
     pub fn add(&mut self, value: f32, standard_error: f32) {
         let variance = standard_error * standard_error;
         let weight = 1.0 / variance;
         if !(value.is_finite() && weight.is_finite() && weight > 0.0) {
             return;
         }
-        // West's updating formulas (Comm. ACM 22, 1979): about the mean, so nothing cancels.
+        // West's updating formulas (Comm. ACM 22, 1979): about the mean, so no digits cancel.
         let total = self.weight + weight;
         let deviation = value - self.mean;
         self.chi_square += deviation * deviation * weight * (self.weight / total);
@@ -55,7 +55,7 @@ impl Scatter {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Estimates taken.
+    /// Number of estimates taken.
     pub const fn count(&self) -> u32 {
         self.count
     }
@@ -65,25 +65,26 @@ impl Scatter {
         self.mean
     }
 
-    /// Sum of squared deviations from the mean over the squared errors; expect count - 1.
+    /// Sum of squared deviations from the mean divided by the squared errors; the expected value is
+    /// count - 1.
     pub const fn chi_square(&self) -> f32 {
         self.chi_square
     }
 
-    /// Root of chi-square per degree of freedom: the factor by which the stated errors are too
-    /// small. `None` for fewer than two estimates.
+    /// Square root of chi-square per degree of freedom: the factor by which the stated errors are
+    /// too small. `None` for fewer than two estimates.
     pub fn birge_ratio(&self) -> Option<f32> {
         (self.count > 1).then(|| sqrt(self.chi_square / self.count.saturating_sub(1) as f32))
     }
 
-    /// Factor by which the stated error of the mean is too small: the Birge ratio, and more where each estimate
-    /// is like the one before. `None` for fewer than two estimates.
+    /// Factor by which the stated error of the mean is too small: the Birge ratio, increased if
+    /// successive estimates are correlated. `None` for fewer than two estimates.
     ///
-    /// What turns slowly, as a vibration near the rate of the ramps, is not averaged out as noise is. How much
-    /// alike two successive estimates are, r, shows in their differences (von Neumann, Ann. Math. Stat. 12, 1941,
-    /// p. 367): 1 - r is their mean square over that of the deviations, and the mean's variance is
-    /// (1 + r)/(1 - r) times as large. Of r^2 that of noise, 1/count, is taken away. The mean is never worse than
-    /// one estimate.
+    /// A slow disturbance, such as a vibration near the rate of the ramps, does not average out
+    /// like noise. The correlation r of successive estimates follows from their differences (von
+    /// Neumann, Ann. Math. Stat. 12, 1941, p. 367): 1 - r is their mean square over that of the
+    /// deviations, and the variance of the mean is (1 + r)/(1 - r) times as large. The contribution
+    /// of noise, 1/count, is subtracted from r^2. The mean is never worse than one estimate.
     pub fn of_mean(&self) -> Option<f32> {
         let birge_ratio = self.birge_ratio()?;
         let count = self.count as f32;

@@ -1,8 +1,8 @@
-//! The same bits everywhere: with and without optimisation, on a PC and on a target.
+//! The evaluation gives the same bits with and without optimisation, on a PC and on a target.
 
 use crate::common::pipeline::{Bits, run};
 
-/// What `crate::common::pipeline` gives. A change of any formula changes it; a change of compiler,
+/// Bits of `crate::common::pipeline`. A change of any formula changes them; a change of compiler,
 /// optimisation or machine must not.
 #[rustfmt::skip]
 const EXPECTED: Bits = [

@@ -1,4 +1,4 @@
-//! The monotone curve: monotone for any points, exact at them, smooth between.
+//! The monotone curve: monotone for any points, exact at them, and smooth between them.
 
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ fn points() -> impl Strategy<Value = Vec<(f32, f32)>> {
         for (dx, dy) in steps {
             let (x, y) = points[points.len() - 1];
             let next = (x + dx, if rising { y + dy } else { y - dy });
-            // A step below the last digit would make no point.
+            // A step below the last digit would not give a new point.
             if next.0 > x && next.1 != y {
                 points.push(next);
             }
@@ -23,7 +23,7 @@ fn points() -> impl Strategy<Value = Vec<(f32, f32)>> {
     points.prop_filter("at least three points", |points| points.len() >= 3)
 }
 
-/// Every argument that can matter: between two points, evenly and next to the ends.
+/// All arguments that matter: between two points, evenly and next to the ends.
 fn arguments(a: f32, b: f32) -> Vec<f32> {
     let between = |i: i32| a + (b - a) * (i as f32 / 200.0);
     let mut all: Vec<f32> = (0..=200).map(between).collect();
@@ -79,7 +79,7 @@ proptest! {
     fn refuses_points_that_turn_back(points in points(), at in 0usize..14, back in 0f32..2.0) {
         let at = 1 + at % (points.len() - 2);
         let mut bent = points.clone();
-        // Beyond the point before: turned back, or level for zero.
+        // A value beyond the previous point: reversed, or level if `back` is zero.
         let (_, before) = bent[at - 1];
         bent[at].1 = before - back * (bent[at].1 - before);
         let refused = MonotoneCurve::<16>::new(&bent);
@@ -126,7 +126,7 @@ fn the_slope_is_the_derivative_and_carries_sigma() {
 
 #[test]
 fn follows_a_smooth_curve_with_the_third_power_of_the_spacing() {
-    // A coil's law, L/L0 - 1 against the gap's closing, as exp: 9 points, then 17.
+    // A coil's law, L/L0 - 1 against the closing of the gap, as an exponential: 9 points, then 17.
     let error = |n: usize| {
         let law = |x: f64| 0.3 * (x.exp() - 1.0);
         let points: Vec<(f32, f32)> = (0..n)

@@ -102,7 +102,7 @@ fn the_formula_is_within_its_bounds_of_the_exact_run_length() {
         worst.0, worst.1
     );
     assert!(worst.0 <= 0.08);
-    // Large shifts: within a sample.
+    // Large shifts: the approximation is within one sample.
     for shift in [3.0f32, 5.0, 10.0, 100.0] {
         let exact = run_length(1.0, 10.0, f64::from(shift));
         let formula = f64::from(Cusum::WATCH.average_run_length(shift));
@@ -161,7 +161,7 @@ fn false_alarms_come_as_rarely_as_stated() {
             let reading = world.reading(0.0);
             detector.push(Second(INTERVAL as f32), reading).touch
         };
-        // One that comes while the baseline is still short is none of these.
+        // A detection while the baseline is still short does not count.
         match (0..LONGEST)
             .map(|_| next())
             .find(|touch| *touch != Touch::Settling)
@@ -186,7 +186,7 @@ fn false_alarms_come_as_rarely_as_stated() {
 }
 
 /// Mean delay of detection and mean error of the onset, in readings, over `runs` presses that
-/// deepen by `speed` sigma a reading; the press begins at a random moment between two readings.
+/// deepen by `speed` sigma per reading; the press starts at a random time between two readings.
 fn presses(speed: f64, runs: u64) -> (f64, f64, f64) {
     let (mut delay, mut late, mut squares) = (0.0, 0.0, 0.0);
     for seed in 0..runs {
@@ -241,7 +241,7 @@ fn touches_are_found_and_dated_as_stated() {
 
 #[test]
 fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
-    // As a room that is heated by 2 K/min makes it.
+    // The drift of a room that is heated by 2 K/min.
     let mut world = World::new(5, 6e-9);
     let mut detector = Detector::new(watch(10.0)).unwrap();
     let mut events = Vec::new();
@@ -253,7 +253,7 @@ fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
         };
         let seen = detector.push(Second(INTERVAL as f32), world.reading(pressed));
         if i == 3999 {
-            // Two seconds of that drift, which is not carried on into the touch.
+            // Two seconds of that drift, which is not extrapolated into the touch.
             let error = f64::from(seen.deformation.0) - 300e-6;
             assert!(error.abs() < 40e-9, "{error:e}");
         }
@@ -280,7 +280,7 @@ fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
 
 #[test]
 fn the_baseline_follows_a_line_and_its_noise_is_as_stated() {
-    // Exactly, without noise.
+    // Without noise the line is exact.
     let mut clean = Baseline::new(100.0);
     let mut last = 1.0_f32;
     for i in 0..2000 {
@@ -289,7 +289,7 @@ fn the_baseline_follows_a_line_and_its_noise_is_as_stated() {
         last = deviation.from_line.0;
     }
     assert!(last.abs() < 1e-11 && (clean.rate() - 4e-9).abs() < 1e-12);
-    // Variance of the prediction, from the variance of what is left.
+    // Variance of the prediction, from the variance of the deviations.
     let memory = 20.0;
     let (mut rng, mut baseline) = (Rng::new(9), Baseline::new(memory));
     let (mut squares, mut count) = (0.0, 0.0);
@@ -325,8 +325,9 @@ fn bad_readings_pass_without_effect() {
     assert!(Detector::new(watch(f32::NAN)).is_err());
 }
 
-/// A press is as old as the time for which it has been held, wherever on its way it was how deep: also one that has crept, and
-/// one that the coil's current deepens. One that was lighter before is younger than the touch.
+/// The age of a press is the time for which it has been held, whatever its path to the depth, even
+/// if it has crept or the coil's current deepens it. A press that was lighter before is younger
+/// than the touch.
 #[test]
 fn the_age_of_a_press_is_that_of_its_depth() {
     let interval = Second(1e-2);
@@ -338,7 +339,7 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         for step in 1..=6_000_u16 {
             let time_s = f64::from(step) * 1e-2;
             let crept = 1.0 + 0.02 * (time_s / 0.1).max(1.0).ln();
-            // At a train's peak.
+            // The peak of a train.
             let deepened = if step == 6_000 { 1.06 } else { 1.0 };
             let pressed = if time_s < rise_s {
                 time_s / rise_s
@@ -357,7 +358,7 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         }
         let Second(age_s) = detector.mean_age(deformation * 2.0).unwrap();
         assert!((27.0..=33.0).contains(&age_s), "{rise_s} s: {age_s} s");
-        // Where nothing is pressed, nothing has an age: no infinite creep times a deformation of zero.
+        // Without a press there is no age: no infinite creep times a deformation of zero.
         assert!(
             [0.0, -1e-6]
                 .into_iter()

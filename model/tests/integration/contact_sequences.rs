@@ -1,23 +1,25 @@
-//! Contact over many touches of a sensor that creeps, recovers and warms: nothing touches without an object, no touch is
-//! missed, and the zero of each lies within its uncertainty.
+//! Contact over many touches of a sensor that creeps, recovers and warms: no contact is reported
+//! without an object, no touch is missed, and the zero of each touch is right within its
+//! uncertainty.
 
 use crate::common::rng::Rng;
 use palpate_model::contact::{Detector, Touch, Watch};
 use palpate_model::units::{Metre, Second};
 
 const INTERVAL_S: f64 = 1e-3;
-/// A reading's noise, and what the detector is set to.
+/// Noise of a reading; the next constants are the detector's settings.
 const NOISE_M: f64 = 0.06e-6;
 const SIGMA_M: f64 = 0.2e-6;
 const RELEASE_M: f64 = 5e-6;
-/// What a kelvin makes of the reading, at most.
+/// Largest change of the reading per kelvin.
 const PER_KELVIN_M: f64 = 0.19e-6;
-/// Time after which nothing may be held any more when an object has gone, s.
+/// Time after which a contact must be over when the object has gone, s.
 const GONE_S: f64 = 1.0;
-/// Moments of a touch at which its zero is judged, in readings since it is as deep as it gets.
+/// Times at which the zero of a touch is checked, in readings after it has reached its depth.
 const JUDGED: [u32; 6] = [150, 400, 1_000, 3_000, 10_000, 60_000];
 
-/// An elastomer layer with three modes of creep (the ranges of sim-host/stacks/disturbances.toml), in a room that warms.
+/// An elastomer layer with three modes of creep (ranges of sim-host/stacks/disturbances.toml), in a
+/// room that warms.
 struct Layer {
     rng: Rng,
     amplitudes: [f64; 3],
@@ -26,7 +28,7 @@ struct Layer {
     kelvin_per_s: f64,
     start_k: f64,
     time_s: f64,
-    /// Creep that earlier touches have left, and that of this one, m.
+    /// Creep left by earlier touches, and creep of the current touch, m.
     left_m: [f64; 3],
     creep_m: [f64; 3],
 }
@@ -50,19 +52,19 @@ impl Layer {
         }
     }
 
-    /// Degrees away from the bench: it warms or cools by 10 K at most.
+    /// Temperature difference from the calibration: at most 10 K either way.
     fn kelvin(&self) -> f64 {
         self.start_k + (self.kelvin_per_s * self.time_s).clamp(-10.0, 10.0)
     }
 
-    /// The object that was there has gone.
+    /// Removes the object.
     fn lifted(&mut self) {
         for (left, creep) in self.left_m.iter_mut().zip(&mut self.creep_m) {
             *left += core::mem::take(creep);
         }
     }
 
-    /// The reading after an interval under this elastic deformation.
+    /// Reading after an interval with this elastic deformation.
     fn reading(&mut self, elastic_m: f64) -> f64 {
         self.time_s += INTERVAL_S;
         for i in 0..3 {
@@ -74,20 +76,20 @@ impl Layer {
         self.zero_m() + elastic_m + creep_m + NOISE_M * self.rng.normal()
     }
 
-    /// What it would read without the present touch.
+    /// Reading without the current touch.
     fn zero_m(&self) -> f64 {
         self.left_m.iter().sum::<f64>() + self.per_kelvin_m * self.kelvin()
     }
 }
 
-/// The zero of a touch, judged: its error and its standard uncertainty, m.
+/// Checked zero of a touch: error and standard uncertainty, m.
 #[derive(Clone, Copy, Debug)]
 struct Judged {
     error_m: f64,
     sigma_m: f64,
 }
 
-/// A detector at a layer, and what it has come to.
+/// A detector on a layer, with its results.
 struct ContactBench {
     layer: Layer,
     detector: Detector,
@@ -110,7 +112,7 @@ impl ContactBench {
     }
 
     fn step(&mut self, elastic_m: f64) -> Touch {
-        // The thermometer is right to a kelvin.
+        // The thermometer is accurate to a kelvin.
         let away_k = self.layer.kelvin().abs() + 1.0;
         let rest = Metre((PER_KELVIN_M * away_k) as f32);
         self.detector.set_rest(Some(rest));
@@ -118,7 +120,8 @@ impl ContactBench {
         self.detector.push(Second(INTERVAL_S as f32), reading).touch
     }
 
-    /// Nothing touches for so long: what is found then, or is held when the object has gone, is a ghost.
+    /// Waits without contact: a contact that starts, or that is still held when the object has
+    /// gone, is a ghost.
     fn wait(&mut self, seconds: f64) {
         self.layer.lifted();
         let mut ghost = false;
@@ -130,7 +133,7 @@ impl ContactBench {
         self.ghosts += u32::from(ghost);
     }
 
-    /// A press to this depth and back at this speed, held for so long.
+    /// Presses to this depth and back at this speed, and holds for this time.
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64, seconds: f64) {
         let way = (depth_m / speed_m_per_s / INTERVAL_S) as u32;
         let deep = |step: u32| depth_m * f64::from(step) / f64::from(way.max(1));
@@ -165,7 +168,7 @@ impl ContactBench {
         }
     }
 
-    /// An object that stays, of this deformation, and is found at the end.
+    /// Places an object with this deformation; returns whether it is detected at the end.
     fn lie(&mut self, depth_m: f64, seconds: f64) -> bool {
         let steps = 0..(seconds / INTERVAL_S) as u32;
         let last = steps.map(|_| self.step(depth_m)).last();
@@ -186,7 +189,7 @@ fn log_between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     rng.between(low.ln(), high.ln()).exp()
 }
 
-/// Ten presses of 0.1 to 1.4 times 0.3 mm in a row, at gaps of 0.2 to 20 s.
+/// Ten presses of 0.1 to 1.4 times 0.3 mm in succession, with gaps of 0.2 to 20 s.
 fn ten_presses(seed: u64, longest_s: f64) -> ContactBench {
     let mut bench = ContactBench::new(seed);
     bench.wait(1.0);
@@ -205,7 +208,8 @@ fn ten_presses(seed: u64, longest_s: f64) -> ContactBench {
     bench
 }
 
-/// No ghost, none missed, and zeros as good as they say.
+/// Asserts that there is no ghost and no missed touch, and that the zeros agree with their
+/// uncertainties.
 fn assert_sound(benches: &[ContactBench]) {
     let sum = |of: fn(&ContactBench) -> u32| benches.iter().map(of).sum::<u32>();
     let found = (
@@ -242,7 +246,7 @@ fn ten_presses_in_a_row_are_ten_touches() {
     );
 }
 
-/// 300 s is as long as anybody holds an object.
+/// Nobody holds an object for longer than 300 s.
 #[test]
 #[ignore = "hours of simulated readings"]
 fn ten_long_presses_in_a_row_are_ten_touches() {
@@ -273,7 +277,8 @@ fn each_tap_of_two_is_found_however_soon_it_follows() {
     assert_eq!(benches.len(), 100);
 }
 
-/// What lies there at power on is a touch of doubtful zero; what is lifted leaves a sensor that works.
+/// An object that is present at power-on is a touch of doubtful zero; lifting it leaves a working
+/// sensor.
 #[test]
 fn an_object_that_lies_there_from_the_beginning_is_found() {
     for seed in 1..=20 {
@@ -295,7 +300,7 @@ fn an_object_that_lies_there_from_the_beginning_is_found() {
     }
 }
 
-/// What is too light to be found widens the uncertainty of the zero.
+/// A contact too light to be detected widens the uncertainty of the zero.
 #[test]
 fn what_is_too_light_to_be_found_is_uncertain() {
     let mut seen = 0;
@@ -306,14 +311,14 @@ fn what_is_too_light_to_be_found_is_uncertain() {
                 continue;
             }
             seen += 1;
-            // Upon the object, which is part of the touch from then on.
+            // A press on the object, which is part of the touch from then on.
             for _ in 0..300 {
                 bench.step(0.3e-3);
             }
             let zero = bench.detector.zero().expect("a touch");
             let error_m = f64::from(zero.value().0) - bench.layer.zero_m();
             let reach_m = 1.96 * f64::from(zero.variance_m2()).sqrt();
-            // What temperature makes of the rest may hide as much again.
+            // The effect of temperature on the rest may hide as much again.
             let hidden_m = PER_KELVIN_M * 5.0;
             assert!(
                 error_m.abs() < reach_m + hidden_m,
@@ -324,7 +329,8 @@ fn what_is_too_light_to_be_found_is_uncertain() {
     assert!(seen > 30, "{seen}");
 }
 
-/// Settings, or a fault that ends: what touches still does, and its zero is kept.
+/// After an interruption by new settings, or by a fault that ends, a touch continues and keeps its
+/// zero.
 #[test]
 fn a_touch_outlasts_an_interruption() {
     for seed in 1..=20 {
@@ -338,7 +344,7 @@ fn a_touch_outlasts_an_interruption() {
         bench.detector.resume(watch());
         assert!(bench.lie(0.25e-3, 2.0), "{seed}");
         bench.judge();
-        // And untouched, while it recovers.
+        // The same while untouched and recovering.
         bench.wait(1.0);
         bench.detector.resume(watch());
         bench.wait(3.0);
@@ -350,7 +356,8 @@ fn a_touch_outlasts_an_interruption() {
     }
 }
 
-/// Without a known rest nothing that lay there can be found; but its lifting is no drift.
+/// Without a known rest an object that is present from the start cannot be detected; but lifting it
+/// is not learnt as a drift.
 #[test]
 fn a_step_down_is_never_learnt_as_a_drift() {
     let (mut rng, mut found) = (Rng::new(3), Vec::new());

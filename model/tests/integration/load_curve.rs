@@ -8,7 +8,8 @@ use palpate_model::units::{Metre, NewtonPerMetre, Second};
 
 const SENSING: NewtonPerMetre = NewtonPerMetre(6e3);
 
-/// A load that hardens with the cube: at the 0.3 mm of the press its tangent is twice its secant.
+/// A load that hardens with the cube of x: at the 0.3 mm of the press its tangent is twice its
+/// secant.
 fn hardening(eps: f64) -> Stack {
     let k = 3e3;
     let x = 0.3e-3;
@@ -36,8 +37,8 @@ fn quadratic_with_creep() -> Basis {
     .unwrap()
 }
 
-/// Deviations from the truth in standard errors: force and absolute curve, curve from the ramp
-/// alone, tangent; the largest along the ramp.
+/// Deviations from the truth in standard errors, the largest along the ramp: force and absolute
+/// curve, curve from the ramp alone, tangent.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     force: f64,
@@ -54,8 +55,8 @@ fn along_the_ramp(stack: &Stack, fitted: &Fit) -> Worst {
         let truth = stack.at(current);
         let h = stack.regressor(current) as f32;
         let point = fitted.load_point_within(h, SENSING, Metre(stack.total as f32));
-        // Distance of the point (x_L, F) from the curve, along F, with the errors' correlation:
-        // both come from one deformation, so what F gains x_L loses.
+        // Distance of the point (x_L, F) from the curve, along F, with the correlation of the
+        // errors: both come from one deformation, so x_L decreases by as much as F increases.
         let off = |x: f64, f: f64| f - stack.load.force(x);
         let tangent = stack.load.tangent(truth.load);
         let sigma =
@@ -117,8 +118,8 @@ fn a_hardening_spring_s_curve_is_within_three_standard_errors() {
             let recording = record(&stack, &Ramps::EIGHT, noise, |_| 0.0, &mut Rng::new(seed));
             (stack, recording)
         });
-        // Of a cubic's four independent directions, one leaves three standard errors by chance in
-        // one ramp of a hundred.
+        // A cubic has four independent directions; by chance one of them exceeds three standard
+        // errors in one ramp of a hundred.
         assert!(within.iter().all(|&share| share >= 0.97), "{within:?}");
     }
 }
@@ -159,7 +160,7 @@ fn its_errors_are_as_large_as_stated_and_no_larger() {
         }
     }
     println!("rms in s.e.: {:?}", squares.map(f64::sqrt));
-    // Chance: 2 % (one standard deviation).
+    // Scatter by chance: 2 % (one standard deviation).
     assert!(
         squares.iter().all(|s| (s.sqrt() - 1.0).abs() < 0.08),
         "{squares:?}"
@@ -168,7 +169,7 @@ fn its_errors_are_as_large_as_stated_and_no_larger() {
 
 #[test]
 fn a_straight_line_would_miss_it() {
-    // The curvature is no decoration: without it the curve is off by many standard errors.
+    // The curvature is needed: without it the curve is off by many standard errors.
     let stack = hardening(0.5);
     let recording = record(&stack, &Ramps::EIGHT, 2e-5, |_| 0.0, &mut Rng::new(1));
     let straight = fit(&recording, Basis::LINEAR, Noise::Stated).unwrap();
@@ -210,7 +211,7 @@ fn every_sample_is_a_point_of_the_curve() {
         let force = (f64::from(point.force.0) - truth.force) / f64::from(point.force_sigma.0);
         let moved = f64::from(point.displacement.0) - (truth.load - rest.load);
         let displacement = moved / f64::from(point.displacement_sigma.0);
-        // One deformation's error seen twice, with opposite signs.
+        // The error of one deformation appears twice, with opposite signs.
         assert!(
             (force + displacement).abs() < 0.02,
             "{force} {displacement}"

@@ -1,4 +1,4 @@
-//! Tests of `palpate-model` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-model`: one program, one module per subject.
 
 mod bits;
 mod calibration_curve;

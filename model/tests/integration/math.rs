@@ -1,16 +1,16 @@
-//! Every function of `math` within the budget that its doc states, against `f64`.
+//! Every function of `math` against `f64`, within the error bound of its doc.
 
 use crate::common::rng::Rng;
 use palpate_model::math::{self, Wide, coarse, student};
 
-/// Positive normal numbers between two bounds, evenly over their bit patterns.
+/// Positive normal numbers between two limits, evenly over their bit patterns.
 fn positives(low: f32, high: f32) -> impl Iterator<Item = f32> {
     (low.to_bits()..=high.to_bits())
         .step_by(997)
         .map(f32::from_bits)
 }
 
-/// The same with both signs.
+/// Positive and negative normal numbers between two limits.
 fn both_signs(low: f32, high: f32) -> impl Iterator<Item = f32> {
     positives(low, high).flat_map(|x| [x, -x])
 }
@@ -21,8 +21,8 @@ fn grid(low: f64, high: f64) -> impl Iterator<Item = f32> {
     (0..=STEPS).map(move |i| (low + (high - low) * f64::from(i) / f64::from(STEPS)) as f32)
 }
 
-/// The largest error must lie within the budget, and not so far within that the budget says
-/// nothing.
+/// Asserts that the largest error is within the budget and above a quarter of it, so that the
+/// budget is not idle.
 fn within(budget: f64, name: &str, errors: impl Iterator<Item = (f32, f64)>) {
     let (at, worst) = errors.fold((f32::NAN, -1.0), |worst, (x, error)| {
         if error <= worst.1 { worst } else { (x, error) }
@@ -161,7 +161,7 @@ fn student_quantiles() {
     let error = |n: u32| {
         let quantile = f64::from(student::quantile_975(n));
         let n64 = f64::from(n);
-        // One Newton step from the quantile to where the integral says 97.5 %.
+        // One Newton step from the quantile to the point where the integral is 97.5 %.
         let slope = (student_distribution(quantile * 1.001, n64)
             - student_distribution(quantile * 0.999, n64))
             / 0.002;
@@ -185,7 +185,7 @@ fn wides(count: usize) -> Vec<Wide> {
         .collect()
 }
 
-/// mantissa x 2^(exponent + by) as an integer; exact while it fits.
+/// The number mantissa x 2^(exponent + by) as an integer; exact while it fits.
 fn integer((mantissa, exponent): (i64, i32), by: i32) -> Option<i128> {
     let shift = u32::try_from(exponent + by)
         .ok()
@@ -223,7 +223,7 @@ fn wide_sums_products_and_quotients() {
     };
     within(2.7e-18, "product", of_pairs(product));
     let quotient = |a: Wide, b: Wide| {
-        // x 2^n = z y + rest, the rest being the error.
+        // x 2^n = z y + rest, where the rest is the error.
         let ((x, e), (y, f), (z, g)) = (a.parts(), b.parts(), (a / b).parts());
         let scaled = i128::from(x) << u32::try_from(e - f - g).ok()?;
         let rest = scaled - i128::from(z) * i128::from(y);
@@ -258,7 +258,7 @@ fn wide_numbers_come_from_f32_exactly_and_go_back_to_the_nearest() {
     for wide in wides(100_000) {
         let (mantissa, exponent) = wide.parts();
         let exact = mantissa as f64 * 2f64.powi(exponent);
-        // Through f64, whose own rounding moves a tie at most.
+        // Through `f64`, whose own rounding at most moves a tie.
         let error = (f64::from(wide.to_f32()) / exact - 1.0).abs();
         assert!(error <= 6.0e-8, "{error:e}");
         assert!((1 << 61..1 << 62).contains(&mantissa.unsigned_abs()));
@@ -267,7 +267,7 @@ fn wide_numbers_come_from_f32_exactly_and_go_back_to_the_nearest() {
 
 #[test]
 fn a_million_small_things_are_not_lost_beside_a_large_one() {
-    // Where f32 would stay at 1000 and lose them all.
+    // A sum in `f32` would stay at 1000 and lose all of them.
     let mut sum = Wide::from_f32(1e3);
     for _ in 0..1_000_000 {
         sum = sum + Wide::from_f32(1e-6);
@@ -278,7 +278,7 @@ fn a_million_small_things_are_not_lost_beside_a_large_one() {
 
 #[test]
 fn a_long_sum_s_errors_do_not_all_point_one_way() {
-    // A million numbers whose last bits lie below those of a sum near 2^40.
+    // A million numbers with last bits below those of a sum near 2^40.
     let mut rng = Rng::new(5);
     let mut sum = Wide::from_f32(2f32.powi(40));
     let mut exact = 0i128;
@@ -289,7 +289,7 @@ fn a_long_sum_s_errors_do_not_all_point_one_way() {
     }
     let (mantissa, exponent) = (sum - Wide::from_f32(2f32.powi(40))).parts();
     let found = i128::from(mantissa) >> -(exponent + 33);
-    // In units of the sum's last bit, 2^-21: half a unit each time, if cut off.
+    // In units of the sum's last bit, 2^-21: half a unit each time if truncated.
     let off = (found - exact).abs() >> 12;
     assert!(off < 2000, "{off}");
 }

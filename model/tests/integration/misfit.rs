@@ -1,4 +1,5 @@
-//! What bends the line of a train, and by how much it errs meanwhile. The ramps are made in `f64`.
+//! Effects that bend the line of a train, and the error that they cause. The ramps are computed in
+//! `f64`.
 
 use palpate_model::ramp::{
     Basis, Bend, Fit, Noise, Ramp, RampSample, Reference, SLOPE_BY_BEND, Term,
@@ -8,31 +9,34 @@ use palpate_model::units::{Metre, Second};
 const X_REF_M: f64 = 0.3e-3;
 const KAPPA: f64 = 1.0;
 const RATIO: f64 = 1.5;
-/// Of c_D at the peak.
+/// Rise of c_D at the peak, relative.
 const RISE: f64 = 0.1;
 const FALL_S: f64 = 0.06;
 
-/// Stiffening at a part of the fall, in units of that at the peak, and what was calibrated.
+/// Stiffening at a part of the fall, relative to that at the peak; the second argument is its
+/// parameter.
 type Stiffening = fn(f64, f64) -> f64;
 
-/// (1 - s)^2: the calibrated one, of a current that falls in a straight line.
+/// The calibrated stiffening (1 - s)^2, for a current that falls in a straight line.
 fn quadratic(part: f64) -> f64 {
     (1.0 - part).powi(2)
 }
 
-/// Follows it `lag` of a fall late, from rest at the peak: y = u + lag y' solved in closed form.
+/// The stiffening with a lag of `lag` of a fall, from rest at the peak: y = u + lag y' solved in
+/// closed form.
 fn lagging(part: f64, lag: f64) -> f64 {
     let particular = |s: f64| (1.0 - s).powi(2) + 2.0 * lag * (1.0 - s) + 2.0 * lag * lag;
     particular(part) + (1.0 - particular(0.0)) * (-part / lag).exp()
 }
 
-/// The share `play` of it goes through a play of a quarter to each side, as in the simulated plant.
+/// The stiffening with the share `play` passing through a play of a quarter to each side, as in the
+/// simulated plant.
 fn with_play(part: f64, play: f64) -> f64 {
     let u = quadratic(part);
     (1.0 - play) * u + play * (u + 0.25).min(0.75) / 0.75
 }
 
-/// Saturates half-way at the field 1/sqrt(`square`) of the peak's.
+/// The stiffening with saturation, half-way at the field 1/sqrt(`square`) of the peak's.
 fn saturating(part: f64, square: f64) -> f64 {
     let u = quadratic(part);
     u * (1.0 + square) / (1.0 + square * u)
@@ -43,7 +47,8 @@ fn rho_to_h(stiffening: f64) -> f64 {
     -RATIO * rise / (1.0 + rise)
 }
 
-/// Straight and bent line of twelve falls of 60 readings, noise of `noise_m` uniform, and the span.
+/// Straight and bent line of twelve falls of 60 readings with uniform noise of `noise_m`, and the
+/// span.
 fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
     let whole = 1.0 + KAPPA + RATIO;
     let reference = Reference::new(Metre(X_REF_M as f32), RATIO as f32).unwrap();
@@ -86,7 +91,8 @@ fn a_line_that_is_straight_has_no_bend_and_no_further_uncertainty() {
     let b = bend.relative;
     assert!(b.value.abs() < 3.0 * b.standard_error, "{b:?}");
     assert_eq!(bend.significant_uncertainty(3.5, 1.0), 0.0);
-    // In one of its own standard errors or less nothing is seen, in more at most that.
+    // A bend of up to one standard error adds no uncertainty; a larger one adds at most its own
+    // size, here below three standard errors.
     let most = SLOPE_BY_BEND * 3.5 * 3.0 * b.standard_error;
     assert!(bend.uncertainty(3.5, 1.0) < most);
 }
@@ -114,10 +120,10 @@ fn the_uncertainty_grows_with_the_bend_and_shrinks_with_the_noise() {
     let alone = bend.uncertainty(3.5, 1.0);
     let expected = SLOPE_BY_BEND * 3.5 * bend.relative.value.abs();
     assert!((alone / expected - 1.0).abs() < 0.1, "{alone} {expected}");
-    // Of single ramps that disagree by much more than their own errors, it may be chance.
+    // If single ramps disagree by much more than their own errors, the bend may be chance.
     assert!(bend.uncertainty(3.5, 10.0) < alone);
     assert_eq!(bend.uncertainty(3.5, 1e4), 0.0);
-    // What a refusal rests on is less, and over at a third of the noise.
+    // The uncertainty for a refusal is smaller, and zero at a third of the noise.
     assert!(bend.significant_uncertainty(3.5, 10.0) < bend.uncertainty(3.5, 10.0));
     assert_eq!(
         bend.significant_uncertainty(3.5, 10.0),

@@ -1,4 +1,4 @@
-//! Tank, springs, layer, magnetorheological law, heat: each against `f64` or a published figure.
+//! Tank, springs, layer, magnetorheological law and heat, each against `f64` or a published figure.
 
 use crate::common::reference::equation_2;
 use crate::common::rng::Rng;
@@ -35,7 +35,7 @@ fn codes_keep_their_digits() {
         assert!((delta - exact_delta).abs() < 1e-15);
         let ours = tank::relative_frequency_change(reference, code);
         worst[0] = worst[0].max(relative(ours, exact_delta));
-        // From the rounded change on, so that each function answers for itself.
+        // Starting from the rounded change, so that only this function's error counts.
         let delta = f64::from(ours);
         let inductance = -delta * (2.0 + delta) / ((1.0 + delta) * (1.0 + delta));
         let found = tank::relative_inductance_change(ours);
@@ -83,7 +83,7 @@ fn springs_balance() {
 
 #[test]
 fn equation_2_as_published() {
-    // Large changes, where f32 suffices: the published form in f64 on the same inputs.
+    // Large changes, for which `f32` suffices: the published form in `f64` on the same inputs.
     let mut rng = Rng::new(4);
     for _ in 0..10_000 {
         let [s, d1, d2] = [(); 3].map(|()| rng.between(1e3, 1e5) as f32);
@@ -91,7 +91,7 @@ fn equation_2_as_published() {
         let closed = equation_2(s.into(), [d1.into(), d2.into()], [x1.into(), x2.into()]);
         let d = [NewtonPerMetre(d1), NewtonPerMetre(d2)];
         let ours = two_state_load(NewtonPerMetre(s), d, [Metre(x1), Metre(x2)]).0;
-        // The denominator's two terms cancel for nearly every random state: judge 1/c_L.
+        // The two terms of the denominator cancel for nearly every random state: compare 1/c_L.
         let scale = 1.0 / f64::from(s);
         let size = (f64::from(x1) + f64::from(x2)) / (f64::from(x1) - f64::from(x2)).abs();
         assert!((1.0 / f64::from(ours) - 1.0 / closed).abs() < 1e-5 * scale * size * size * 10.0);
@@ -126,7 +126,8 @@ fn stiffening_as_published() {
         (15.0, 0.25, [9.9, 92.0, 346.0]),
     ];
     for (r, half, percents) in rubbers {
-        // The law of one rubber, fixed at 137 mT and 10 A, read at the other fields' currents.
+        // The law of one rubber, defined at 137 mT and 10 A, evaluated at the currents of the other
+        // fields.
         let at_peak: f32 = r * 0.137 * 0.137 / (0.137 * 0.137 + half * half);
         let law = Saturating::new(NewtonPerMetre(1e3), at_peak, Ampere(10.0)).unwrap();
         let law = law.saturating(Tesla(0.137), Tesla(half)).unwrap();
@@ -153,7 +154,7 @@ fn the_regressor_keeps_its_digits_at_half_a_percent() {
         let rise = |i: f64| f64::from(eps) * shape(field(i)) / shape(f64::from(peak));
         let i = f64::from(current);
         worst[0] = worst[0].max(relative(law.rise(Ampere(current)).value, rise(i)));
-        // From the rounded rise on: the regressor answers for itself.
+        // Starting from the rounded rise, so that only the regressor's error counts.
         let rho = f64::from(law.rise(Ampere(current)).value);
         let g0 = f64::from(s) / f64::from(d);
         let found = law.regressor(NewtonPerMetre(s), Ampere(current));
@@ -203,7 +204,7 @@ fn a_table_of_the_law_is_the_law() {
     assert!(Tabulated::new(NewtonPerMetre(0.0), curve).is_err());
 }
 
-/// A law that is changed by factors is that of the changed spring and rise, whatever the form of the law.
+/// A law changed by factors equals the law of the changed spring and rise, whatever its form.
 #[test]
 fn a_changed_law_is_that_of_changed_parameters() {
     let by = Factors::at(-12.5, -2e-3, 4e-3);

@@ -22,7 +22,7 @@ fn the_bounds_are_the_published_ones() {
     for case in CASES {
         let bound = case.bound();
         println!("{}: {:.3} %", case.name, bound * 100.0);
-        // Published with two digits, for a sampling grid that is not stated.
+        // Published with two digits, for an unspecified sampling grid.
         assert!(
             (bound / case.published - 1.0).abs() < 0.03,
             "{}: {bound}",
@@ -31,8 +31,8 @@ fn the_bounds_are_the_published_ones() {
     }
 }
 
-/// The bars for 2000 ramps. Chance alone moves RMSE/bound by 0.016, the mean by 0.022 and the
-/// coverage by 0.005 (one standard deviation).
+/// Checks the limits for 2000 ramps. Chance alone moves RMSE/bound by 0.016, the mean by 0.022 and
+/// the coverage by 0.005 (one standard deviation).
 fn judge(case: &EfficiencyCase, errors: &EstimateErrors) {
     let (rms, mean, cover) = (errors.rms(), errors.mean(), errors.coverage());
     println!(
@@ -41,7 +41,7 @@ fn judge(case: &EfficiencyCase, errors: &EstimateErrors) {
     );
     let name = case.name;
     assert_eq!((errors.count, errors.refused), (2000, 0), "{name}");
-    // Below the bound by more than chance, either the bound or the noise would be wrong.
+    // If the error is below the bound by more than chance, either the bound or the noise is wrong.
     assert!((0.95..=1.05).contains(&rms), "{name}: RMSE/bound {rms}");
     assert!(mean.abs() <= 0.1, "{name}: mean {mean}");
     assert!((0.935..=0.965).contains(&cover), "{name}: coverage {cover}");
@@ -65,7 +65,7 @@ fn both_other_readings_of_the_noise_cover_too() {
     }
 }
 
-/// Ramps on stacks where the standard error of kappa is a good part of kappa.
+/// Ramps on stacks with a standard error of kappa comparable to kappa.
 fn coverage(ratio: f64, eps: f64, noise: f64, ramps: Ramps, seeds: u64) -> (EstimateErrors, usize) {
     let stack = Stack::equal(ratio, eps);
     let (mut errors, mut open) = (EstimateErrors::default(), 0);
@@ -87,7 +87,7 @@ fn coverage(ratio: f64, eps: f64, noise: f64, ramps: Ramps, seeds: u64) -> (Esti
 
 #[test]
 fn intervals_cover_where_the_ratio_is_far_from_normal() {
-    // A stiff load, a tenth of the stiffening: kappa = 0.2 with a standard error of 0.37.
+    // A stiff load with a tenth of the stiffening: kappa = 0.2 with a standard error of 0.37.
     let (errors, open) = coverage(5.0, 0.003, 1e-3, Ramps::ONE, 4000);
     println!(
         "stiff: coverage {:.4}, {open} open, {} refused",
@@ -121,7 +121,8 @@ fn intervals_from_five_samples_use_student() {
 
 #[test]
 fn noisy_readings_do_not_bias() {
-    // SNR 100, where second-order bias would show: 20 times the noise at 20 times the stiffening.
+    // SNR 100, where second-order bias would be visible: 20 times the noise with 20 times the
+    // stiffening.
     let stack = Stack::equal(1.0, 0.5);
     let mut errors = EstimateErrors::default();
     let mut expected: f64 = 0.0;

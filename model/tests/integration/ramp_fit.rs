@@ -1,4 +1,4 @@
-//! What a fit says besides the load: drifts, errors, interval, weights, scatter.
+//! Further results of a fit: drifts, errors, interval, weights, scatter.
 
 use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Stack, record};
@@ -48,14 +48,14 @@ fn each_drift_is_found_and_taken_out() {
         },
     ];
     for drift in cases {
-        // phi written out again.
+        // phi, written independently.
         let phi = move |t: f64| match drift {
             DriftModel::Linear => t,
             DriftModel::Logarithmic { .. } => (1.0 + t / 0.2).ln(),
             DriftModel::Exponential { .. } => 1.0 - (-t / 0.2).exp(),
             DriftModel::SawTooth { .. } => (t * 8.0).fract() - 0.5,
         };
-        // 5 % of drift, and a noise of which nothing is seen.
+        // 5 % of drift, and negligible noise.
         let recording = record(
             &stack,
             &Ramps::EIGHT,
@@ -88,7 +88,7 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
         let ours = fitted.load_ratio().unwrap();
         let error = f64::from(ours.standard_error) / exact.standard_error - 1.0;
         assert!(error.abs() < 1e-5, "{error:e}");
-        // The price of the drift: the published 3.2 over 0.51 at eps 3 %.
+        // The cost of the drift term: the published 3.2 over 0.51 at eps 3 %.
         let plain = fit(&recording, Basis::LINEAR, Noise::Stated).unwrap();
         let [dear, cheap] = [fitted.coefficient(1), plain.coefficient(1)].map(Option::unwrap);
         let price = dear.standard_error / cheap.standard_error;
@@ -109,7 +109,7 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
 
 #[test]
 fn the_interval_is_fieller_s() {
-    // A slope of six standard errors, where its ends lie 35 % and 50 % from the estimate.
+    // A slope of six standard errors: the ends of the interval lie 35 % and 50 % from the estimate.
     let stack = Stack::equal(0.2, 0.003);
     for seed in 0..20 {
         let recording = record(&stack, &Ramps::ONE, 5e-4, |_| 0.0, &mut Rng::new(seed));
@@ -158,7 +158,8 @@ fn the_centre_is_the_weighted_mean() {
 #[test]
 fn unstated_noise_widens_and_luck_does_not_narrow() {
     let stack = Stack::equal(1.0, 0.1);
-    // Half the samples' sigma is wrong by four: chi-square tells, Birge's rule widens.
+    // Half the samples' sigma is wrong by a factor of four: chi-square shows it, and Birge's rule
+    // widens the interval.
     let mut recording = record(&stack, &Ramps::ONE, 4e-4, |_| 0.0, &mut Rng::new(6));
     let width = |recording: &_, noise| {
         let ratio = fit(recording, Basis::LINEAR, noise)
@@ -231,12 +232,12 @@ fn the_regressor_s_noise_is_put_into_sigma() {
     assert_eq!(quiet.with_regressor_sigma(&reference, 0.0), quiet);
 }
 
-/// The mean of what turns slowly is as uncertain as it scatters from train to train.
+/// For a slow disturbance the stated error of the mean agrees with its scatter from train to train.
 #[test]
 fn what_turns_slowly_is_not_averaged_out() {
     let mut rng = Rng::new(23);
     let stated = 0.02;
-    // A turn from one of twelve estimates to the next, and its size.
+    // Phase advance from one of twelve estimates to the next, and the amplitude.
     let mut trains = |turn: f64, size: f64| -> (f64, f64) {
         let (mut errors, mut factors) = (0.0, 0.0);
         for _ in 0..2000 {
@@ -259,13 +260,13 @@ fn what_turns_slowly_is_not_averaged_out() {
     let (noise, stated_of_noise) = trains(0.0, 0.0);
     assert!((noise - 1.0).abs() < 0.05);
     assert!((1.0..1.35).contains(&stated_of_noise), "{stated_of_noise}");
-    // A vibration at 9.5 Hz under ramps of 10 Hz turns by a twentieth of a turn.
+    // A vibration at 9.5 Hz with ramps at 10 Hz advances by a twentieth of a turn.
     let (slow, stated_of_slow) = trains(-0.05 * std::f64::consts::TAU, 0.1);
     assert!(
         (0.8..2.0).contains(&(stated_of_slow / slow)),
         "{slow} {stated_of_slow}"
     );
-    // One estimate and the next on opposite sides: the scatter alone is on the safe side.
+    // Successive estimates with opposite signs: the scatter alone is on the safe side.
     let (quick, stated_of_quick) = trains(0.45 * std::f64::consts::TAU, 0.1);
     assert!(stated_of_quick > quick, "{quick} {stated_of_quick}");
 }

@@ -8,7 +8,7 @@ use crate::common::rng::Rng;
 use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Term};
 use palpate_model::units::{Metre, Second};
 
-/// c_L/c from 0.1 to 10 and eps from 0.5 to 50 %, seven values each, evenly on a logarithm.
+/// c_L/c from 0.1 to 10 and eps from 0.5 to 50 %, seven values each, evenly on a logarithmic scale.
 fn range() -> impl Iterator<Item = (f64, f64)> {
     let decades =
         |low: f64, high: f64| (0..7).map(move |i| low * (high / low).powf(f64::from(i) / 6.0));
@@ -109,9 +109,9 @@ fn as_maximum_likelihood_in_f64_at_low_noise() {
             let ours = fit(recording, Basis::with_drift(drift).unwrap(), Noise::Stated).unwrap();
             let ours = ours.load_ratio().unwrap();
             let best = maximum_likelihood(recording, &[&creep]);
-            // Where the two differ in second order of the noise, that is far inside the error.
+            // The two differ in second order of the noise, far below the error.
             let errors = (f64::from(ours.standard_error) / best.standard_error - 1.0).abs();
-            // The weights leave the drift out: standard errors are off by its size, 1.2 % here.
+            // The weights omit the drift: standard errors are off by its size, 1.2 % here.
             assert!(errors < 0.012, "standard error off by {errors:e}");
             let apart = (f64::from(ours.value) - best.kappa).abs();
             (apart - 0.002 * best.standard_error).max(0.0) / best.kappa
@@ -169,7 +169,7 @@ fn two_samples_are_equation_2() {
             let g_ref = rng.between(0.2, 5.0) as f32;
             let x_ref = rng.between(1e-4, 1e-3) as f32;
             let first = [0.0, 0.0];
-            // The second state, off the exact solution as noise would have it.
+            // The second state, off the exact solution as with noise.
             let h = (f64::from(g_ref) * (1.0 / (1.0 + eps) - 1.0)) as f32;
             let whole = 1.0 + 1.0 / ratio + f64::from(g_ref);
             let u = f64::from(x_ref) * (whole / (whole + f64::from(h)) - 1.0);
@@ -191,7 +191,7 @@ fn two_samples_are_equation_2() {
                 ramp.push(&sample).unwrap();
             }
             let kappa = ramp.fit(Noise::Stated).unwrap().load_ratio();
-            // Two samples of this noise leave a soft signal doubtful: then there is no value.
+            // Two samples of this noise may leave a soft signal doubtful: then there is no value.
             if let Ok(kappa) = kappa {
                 worst = worst.max(relative(stack.sensing / f64::from(kappa.value), closed));
             }

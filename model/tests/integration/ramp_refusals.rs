@@ -1,4 +1,4 @@
-//! When there is no estimate, and why.
+//! Refusals of the estimator, with their reasons.
 
 use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Stack, record};
@@ -56,7 +56,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
         Some(RampRefusal::IllConditioned { term: 1 })
     );
 
-    // A regressor that moves by its last digit only is constant too.
+    // A regressor that only moves by its last digit counts as constant.
     let mut ramp = Ramp::new(reference(), Basis::LINEAR);
     for i in 0..100 {
         let last_digit = f32::from_bits(0.1f32.to_bits() + i % 2);
@@ -67,12 +67,12 @@ fn a_constant_current_and_a_drift_like_the_signal() {
         Some(RampRefusal::IllConditioned { term: 1 })
     );
 
-    // c_D linear in time: then a linear drift cannot be distinguished from it at all.
+    // c_D linear in time: a linear drift cannot be distinguished from it.
     let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     for i in 0..100 {
         let h = -0.1 * (1.0 - i as f32 / 99.0);
         let x = 9e-4 / (3.0 + h);
-        // The drift's column is phi/x, and that is what must be linear in h.
+        // The drift's column is phi/x, so phi/x must be linear in h.
         let time = Second(h * x / 3e-4);
         ramp.push(&RampSample {
             time,
@@ -110,7 +110,7 @@ fn no_signal_a_reversed_one_and_a_negative_spring() {
     assert!(
         matches!(reversed, Err(RampRefusal::SignalReversed { significance }) if significance < -50.0)
     );
-    // Half as much more signal than three springs can have.
+    // One and a half times the largest signal of three springs.
     let strong = load(1e-4, |s| RampSample {
         deformation: s.deformation * 1.6,
         ..*s

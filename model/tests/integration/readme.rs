@@ -1,8 +1,8 @@
-//! The page's table of disturbances is what the plant and the estimator give.
+//! The README's table of disturbances equals the results of the plant and the estimator.
 
 const PAGE: &str = include_str!("../../README.md");
 
-/// Cells of a Markdown table's rows.
+/// Cells of the rows of a Markdown table.
 fn cells(table: &str) -> Vec<Vec<String>> {
     let row = |line: &str| {
         line.trim_matches('|')
@@ -35,7 +35,7 @@ fn the_table_of_disturbances_is_current() {
         for (page, now) in page.iter().zip(now).skip(1) {
             let (old, new) = (numbers(page), numbers(now));
             assert_eq!(old.len(), new.len(), "{page} {now}");
-            // The last digit may move with a libm's.
+            // The last digit may differ between versions of libm.
             for (old, new) in old.iter().zip(&new) {
                 assert!(
                     (old - new).abs() <= 0.011 + 1e-3 * new.abs(),

@@ -84,7 +84,7 @@ fn a_step_is_the_solution_of_the_equations() {
             Celsius(22.0),
             Second(duration as f32),
         );
-        // The largest temperature difference in play: the final state's among them.
+        // The largest temperature difference involved, including that of the final state.
         let scale = 100.0 + power * (p[2] + p[3]);
         let error = (f64::from(ours.copper.0) - exact[0]).abs();
         worst = worst.max(error.max((f64::from(ours.pad.0) - exact[1]).abs()) / scale);

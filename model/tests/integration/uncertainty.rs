@@ -1,5 +1,5 @@
-//! The calibration's part of the uncertainty: each sensitivity against a ramp that is evaluated
-//! with a wrong calibration, in `f64`.
+//! The calibration's part of the uncertainty: each sensitivity against a ramp evaluated with a
+//! wrong calibration, in `f64`.
 
 use crate::common::plant::{Ramps, Recording, Stack, record};
 use crate::common::reference::reciprocal_line;
@@ -8,7 +8,7 @@ use palpate_model::ramp::{LoadRatio, RampSample, Reference};
 use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint, coverage_factor};
 use palpate_model::units::Metre;
 
-/// What is taken for known wrongly: fractions, and metres for the zero.
+/// Errors of the calibrated quantities: fractions, and metres for the zero.
 #[derive(Clone, Copy, Default)]
 struct Wrong {
     sensing: f64,
@@ -21,7 +21,8 @@ struct Wrong {
 const RATIO: f64 = 0.7;
 const EPS: f64 = 0.10;
 
-/// c_S/c_L, with the true c_S, as the reference estimator finds it under a wrong calibration.
+/// The ratio c_S/c_L, with the true c_S, as found by the reference estimator under a wrong
+/// calibration.
 fn kappa(wrong: Wrong) -> f64 {
     let stack = Stack {
         actuated: 4e3,
@@ -84,7 +85,7 @@ fn each_sensitivity_is_that_of_a_wrong_calibration() {
         zero,
     } = all.budget((1.0 / RATIO) as f32, &point());
     let none = Wrong::default();
-    // Which budget entry, the wrong calibration, and the sign that the table gives.
+    // Budget entry, wrong calibration, and sign according to the table.
     let cases = [
         ("c_S", sensing, Wrong { sensing: e, ..none }, 1.0),
         (
@@ -154,7 +155,7 @@ fn five_percent_of_eps_is_thirteen_percent_of_the_stiffness() {
     assert!((1.0 - 1.0 / (1.0 + up) - 0.13).abs() < 0.002);
 }
 
-/// A ratio that noise alone leaves open.
+/// A ratio with uncertainty from noise only.
 fn of_noise(value: f64, noise: f64) -> LoadRatio {
     let half = 1.96 * noise;
     LoadRatio {
@@ -188,7 +189,7 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     let coverage = f64::from(covered) / f64::from(DRAWS);
     println!("coverage {coverage:.4}");
     assert!((coverage - 0.95).abs() < 0.007);
-    // Nothing to add, nothing changed.
+    // Without an uncertainty nothing changes.
     let ratio = LoadRatio {
         value: 1.0,
         standard_error: 0.1,
@@ -199,8 +200,9 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     assert!((same.low - 0.8).abs() < 1e-6 && (same.high - 1.3).abs() < 1e-6);
 }
 
-/// Part of the errors that lie within `factor` standard errors, where the part `uniform` of the standard error is that
-/// of uniform errors and the rest normal: the uniform ones one by one, the normal density by Simpson's rule.
+/// Fraction of the errors within `factor` standard errors, if the part `uniform` of the standard
+/// error comes from uniform errors and the rest is normal: the uniform errors one by one, the
+/// normal density by Simpson's rule.
 fn within(factor: f64, uniform: f64) -> f64 {
     const STEPS: i32 = 400;
     let simpson = |from: f64, to: f64, of: &dyn Fn(f64) -> f64| {
@@ -221,7 +223,7 @@ fn within(factor: f64, uniform: f64) -> f64 {
     let limit = uniform * 3_f64.sqrt();
     let normal = (1.0 - uniform * uniform).sqrt();
     let density = |z: f64| (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
-    // For each normal error, the part of the uniform ones that keep the sum within.
+    // For each normal error, the fraction of the uniform errors that keep the sum within the limit.
     let of_uniform = |z: f64| {
         let low = (-factor - z * normal).max(-limit);
         let high = (factor - z * normal).min(limit);

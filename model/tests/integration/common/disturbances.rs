@@ -1,5 +1,5 @@
 //! The plain formula and the estimator under one disturbance at a time: a small `f64` plant with
-//! each disturbance of section 3 of the physics as a switch, at a size within its published range.
+//! each disturbance of section 3 of the physics as a switch, with a size in its published range.
 
 use palpate_model::magnetorheological::deviation;
 use palpate_model::ramp::{
@@ -19,13 +19,13 @@ const PEAK_A: f64 = 10.0;
 const TEETH: usize = 8;
 const PER_TOOTH: usize = 50;
 const INTERVAL_S: f64 = 2e-3;
-/// From touching to the first ramp.
+/// Time from the touch to the first ramp, s.
 const SETTLE_S: f64 = 0.5;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Disturbance {
     pub name: &'static str,
-    /// White noise of a reading, of x.
+    /// White noise of a reading, relative to x.
     pub noise: f64,
     /// Relative change of x per second.
     pub drift: f64,
@@ -39,17 +39,17 @@ pub struct Disturbance {
     pub attraction: f64,
     /// Growth of the stack's height, m/s.
     pub growth: f64,
-    /// Time constant of the stiffening, s.
+    /// Time constant by which the stiffening lags, s.
     pub lag: f64,
-    /// Share of the stiffening that goes through a play of 0.2 of its range.
+    /// Share of the stiffening that passes through a play of 0.2 of its range.
     pub memory: f64,
-    /// Stiffening calibrated too high by this fraction.
+    /// Relative error by which the stiffening is calibrated too high.
     pub eps: f64,
-    /// Current read too high by this fraction.
+    /// Relative error by which the current is read too high.
     pub gain: f64,
     /// Amplitude (m) and frequency (Hz) of a vibration of x.
     pub vibration: (f64, f64),
-    /// Attraction and lag that the evaluation models.
+    /// Attraction and lag in the model of the evaluation.
     pub modelled: (f64, f64),
     pub load: LoadLaw,
 }
@@ -104,7 +104,7 @@ pub const ALL: [Disturbance; 18] = [
         vibration: (5e-6, 8.3),
         ..NONE
     },
-    // k3 x^2 = k at 0.3 mm: the tangent, which is judged, is there twice the secant.
+    // k3 x^2 = k at 0.3 mm: the tangent, which is the truth here, is twice the secant.
     Disturbance {
         name: "load hardens with x^3",
         load: LoadLaw::Hardening {
@@ -170,7 +170,7 @@ pub const ALL: [Disturbance; 18] = [
 struct DisturbedReading {
     time: f64,
     x: f64,
-    /// Current over its peak, as read.
+    /// Current relative to its peak, as read.
     current: f64,
 }
 
@@ -178,7 +178,8 @@ impl Disturbance {
     fn readings(&self, rng: &mut Rng) -> Vec<DisturbedReading> {
         let mut readings = Vec::new();
         for tooth in 0..TEETH {
-            // Held at the peak before it falls: the stiffening has settled there.
+            // The current was held at the peak before it falls, so the stiffening has settled
+            // there.
             let (mut lagging, mut play) = (1.0, 0.8);
             for i in 0..PER_TOOTH {
                 let time = (tooth * PER_TOOTH + i) as f64 * INTERVAL_S;
@@ -222,7 +223,7 @@ impl Disturbance {
         low
     }
 
-    /// c_L that is to be found: the load's tangent at half the rise, over c_S.
+    /// True c_L, relative to c_S: the load's tangent at half the rise.
     fn truth(&self) -> f64 {
         self.load.tangent(self.displacement(EPS / 2.0, 0.0, 0.0)) / SENSING
     }
@@ -242,12 +243,12 @@ impl Disturbance {
     }
 }
 
-/// Relative errors of c_L, and of the estimator's its 95 % interval.
+/// Relative errors of c_L, and the estimator's 95 % interval relative to c_L.
 pub struct ErrorRow {
     pub name: &'static str,
-    /// Eq. (2), first reading of the first ramp and its last.
+    /// Eq. (2), from the first and the last reading of the first ramp.
     pub plain: f64,
-    /// Estimator with no drift term, and with a logarithmic creep term.
+    /// Estimator without drift term, and with a logarithmic creep term.
     pub ours: [Result<DisturbanceVerdict, RampRefusal>; 2],
 }
 
@@ -259,14 +260,14 @@ pub struct DisturbanceVerdict {
 }
 
 impl Disturbance {
-    /// h of every reading, as an evaluation would form it that knows what is `modelled`.
+    /// The regressor h of every reading, for an evaluation that models the effects in `modelled`.
     fn regressors(&self, readings: &[DisturbedReading]) -> Vec<f32> {
         let (attraction, lag) = self.modelled;
         let eps = EPS * (1.0 + self.eps);
         let mut lagging = 0.0;
         let regressor = |(i, reading): (usize, &DisturbedReading)| {
             let rise = eps * reading.current * reading.current;
-            // Settled at the peak, and from there on a first-order lag behind.
+            // Settled at the peak, and from there on with a first-order lag.
             lagging = if lag > 0.0 && i % PER_TOOTH != 0 {
                 rise + (lagging - rise) * (-INTERVAL_S / lag).exp()
             } else {

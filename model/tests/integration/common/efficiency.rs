@@ -1,4 +1,4 @@
-//! The estimator against the Cramer-Rao bound, on the case of section 2 of the physics.
+//! The estimator against the Cramer-Rao bound, for the case of section 2 of the physics.
 
 use palpate_model::ramp::{Basis, DriftModel, Fit, Noise, Ramp, RampRefusal};
 use palpate_model::units::{NewtonPerMetre, Second};
@@ -27,7 +27,7 @@ impl Disturbance {
         }
     }
 
-    /// True size of the drift: a good part of the signal, 1 % of x over the ramp.
+    /// True size of the drift: a considerable part of the signal, 1 % of x over the ramp.
     pub fn size(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -42,7 +42,7 @@ pub struct EfficiencyCase {
     pub name: &'static str,
     pub ramps: Ramps,
     pub disturbance: Disturbance,
-    /// The bound that is published, relative to c_L.
+    /// Published bound, relative to c_L.
     pub published: f64,
 }
 
@@ -73,7 +73,7 @@ pub const CASES: [EfficiencyCase; 4] = [
     },
 ];
 
-/// Relative noise of a reading, and stiffening.
+/// Relative noise of a reading, and relative stiffening.
 pub const NOISE: f64 = 1e-4;
 pub const EPS: f64 = 0.03;
 
@@ -82,7 +82,7 @@ impl EfficiencyCase {
         Stack::equal(1.0, EPS)
     }
 
-    /// Bound on the standard error of c_L, relative to c_L, from the forward model alone.
+    /// Bound of the standard error of c_L, relative to c_L, from the forward model alone.
     pub fn bound(&self) -> f64 {
         let (stack, ramps, disturbance) = (self.stack(), self.ramps, self.disturbance);
         let model = |i: usize, p: &[f64]| {
@@ -154,7 +154,7 @@ impl EfficiencyCase {
     }
 }
 
-/// Pushes a recording through the estimator.
+/// Fits a recording with the estimator.
 pub fn fit(recording: &Recording, basis: Basis, noise: Noise) -> Result<Fit, RampRefusal> {
     let mut ramp = Ramp::new(recording.reference, basis);
     for sample in &recording.samples {

@@ -1,6 +1,6 @@
-//! What the tests and examples judge by: a plant, a noise source, bounds and a reference
-//! estimator, all in `f64` and written apart from the crate. None of it calls the crate's
-//! functions; only the conversion of a reading into the crate's own sample type knows it.
+//! References for the tests and examples: a plant, a noise source, bounds and a reference
+//! estimator, all in `f64` and independent of the crate. None of them calls the crate's functions;
+//! only the conversion of a reading uses the crate's own sample type.
 #![allow(dead_code, unreachable_pub)]
 
 pub mod disturbances;

@@ -1,6 +1,5 @@
-//! One whole evaluation, from codes to claims, on inputs made of integers: the same bits on every
-//! machine, or the arithmetic is not what it should be. Needs `core` only, so that a target
-//! without `std` can run the very same lines.
+//! One whole evaluation, from codes to claims, on inputs made of integers: it must give the same
+//! bits on every machine. Needs `core` only, so that a target without `std` can run it unchanged.
 
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Cusum, Detector, Watch};
@@ -21,10 +20,10 @@ fn a_third(one: f32) -> f32 {
     one / 3.0
 }
 
-/// Readings in the ramp.
+/// Number of readings in the ramp.
 pub const READINGS: u32 = 400;
 
-/// Everything that can differ, as bits.
+/// All results that can differ, as bits.
 pub type Bits = [u32; 31];
 
 struct Noise32(u32);
@@ -41,8 +40,8 @@ impl Noise32 {
     }
 }
 
-/// `None` when some part refuses, which it must not. `one` is 1, in a way that the compiler does
-/// not see, so that it can foresee nothing.
+/// Runs the evaluation. `None` if some part refuses, which must not happen. `one` is 1, hidden from
+/// the compiler so that it cannot precompute results.
 pub fn run(one: f32) -> Option<Bits> {
     let mut noise = Noise32(one as u32);
     let sensing = NewtonPerMetre(6e3 * one);
@@ -70,7 +69,7 @@ pub fn run(one: f32) -> Option<Bits> {
     let mut curved = Ramp::new(reference, basis.ok()?);
     let drift = DriftModel::Exponential { tau };
     let mut straight = Ramp::new(reference, Basis::with_drift(drift).ok()?);
-    // The rise, 2 ms late.
+    // The rise with a lag of 2 ms.
     let (lag, mut late) = (Second(2e-3 * one), 0.1);
     let mut detector = Detector::new(Watch::new(Metre(10e-9 * one))).ok()?;
     let mut last = 0.0;
@@ -79,7 +78,7 @@ pub fn run(one: f32) -> Option<Bits> {
         let current = Ampere(10.0 * (1.0 - (i % 50) as f32 / 49.0));
         let rise = law.rise(current).value;
         let h = deviation(law.reference_ratio(sensing), rise);
-        // A code near the one that the deformation would make, by a line and noise.
+        // A code near the one for this deformation, from a line and noise.
         let depth = 0.3e-3 * 3.5 / (3.5 + h);
         let code = 230_000_000 - ((depth * 3e10) as i32 + noise.next()) as u32;
         let change = relative_inductance_change(relative_frequency_change(230_000_000, code));

@@ -1,17 +1,17 @@
-//! A press on a spring, after section 2 of the physics: three springs in series at a constant
-//! overall length, the actuated one softening with the current.
+//! A press on a spring, as in section 2 of the physics: three springs in series with a constant
+//! total length, the actuated one softening with the current.
 
 use palpate_model::ramp::{RampSample, Reference};
 use palpate_model::units::{Metre, Second};
 
 use super::rng::Rng;
 
-/// How the current falls, once or in several teeth.
+/// Falling ramps of the current: one, or several teeth.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramps {
     pub samples: usize,
     pub teeth: usize,
-    /// Seconds for all samples.
+    /// Duration of all samples, s.
     pub duration: f64,
 }
 
@@ -31,14 +31,14 @@ impl Ramps {
         self.duration * i as f64 / (self.samples - 1) as f64
     }
 
-    /// Current over its peak: from 1 to 0 in every tooth.
+    /// Current relative to its peak: from 1 to 0 in every tooth.
     pub fn current(&self, i: usize) -> f64 {
         let per_tooth = self.samples / self.teeth;
         1.0 - (i % per_tooth) as f64 / (per_tooth - 1) as f64
     }
 }
 
-/// The load's displacement under a force, in metres and newtons.
+/// Displacement of the load under a force, in metres and newtons.
 #[derive(Clone, Copy, Debug)]
 pub enum LoadLaw {
     Linear {
@@ -73,7 +73,7 @@ pub struct Stack {
     pub actuated: f64,
     pub eps: f64,
     pub load: LoadLaw,
-    /// Way pressed in all, m.
+    /// Total displacement, m.
     pub total: f64,
 }
 
@@ -104,7 +104,7 @@ impl Stack {
         self.actuated * (1.0 + self.eps * current * current)
     }
 
-    /// Solves F(x_L) = F with F (1/c_S + 1/c_D) + x_L = total, by Newton.
+    /// Solves F(x_L) = F with F (1/c_S + 1/c_D) + x_L = total, by Newton's method.
     pub fn at(&self, current: f64) -> LayerState {
         let compliance = 1.0 / self.sensing + 1.0 / self.actuated_at(current);
         let mut x = self.total / 3.0;
@@ -123,12 +123,12 @@ impl Stack {
         }
     }
 
-    /// g_0 = c_S/c_D0, rounded as the device would hold it.
+    /// Ratio g_0 = c_S/c_D0, rounded to the device's `f32`.
     pub fn reference_ratio(&self) -> f32 {
         (self.sensing / self.actuated) as f32
     }
 
-    /// h = c_S/c_D(I) - c_S/c_D0.
+    /// Regressor h = c_S/c_D(I) - c_S/c_D0.
     pub fn regressor(&self, current: f64) -> f64 {
         let rise = self.eps * current * current;
         -self.sensing / self.actuated * rise / (1.0 + rise)
@@ -141,8 +141,8 @@ pub struct Recording {
     pub samples: Vec<RampSample>,
 }
 
-/// Presses, ramps the current down and reads, with noise of `relative` of x and a multiplicative
-/// drift 1 + drift(t).
+/// Records a press with a falling current, with noise of `relative` of x and a multiplicative drift
+/// 1 + drift(t).
 pub fn record(
     stack: &Stack,
     ramps: &Ramps,

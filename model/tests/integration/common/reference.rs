@@ -1,13 +1,13 @@
-//! Reference estimators on the device's own `f32` inputs, in `f64`, in two other ways than the
-//! crate's: a batch of 1/x on g by QR, and Gauss-Newton on x itself.
+//! Reference estimators on the device's own `f32` inputs, in `f64`, by two other methods than the
+//! crate's: a batch fit of 1/x on g by QR, and Gauss-Newton on x itself.
 
 use super::linalg::least_squares;
 use super::plant::Recording;
 
-/// A regressor in time.
+/// A drift as a function of time.
 pub type Phi<'a> = &'a dyn Fn(f64) -> f64;
 
-/// kappa, its standard error, and the coefficients behind it.
+/// Estimate of kappa with its standard error and the underlying coefficients.
 pub struct Estimate {
     pub kappa: f64,
     pub standard_error: f64,
@@ -15,7 +15,7 @@ pub struct Estimate {
     line: FittedLine,
 }
 
-/// The straight line behind it: 1/x at the mean of g, its slope, and their covariances.
+/// The underlying straight line: 1/x at the mean of g, its slope, and their covariances.
 #[derive(Default)]
 struct FittedLine {
     mean_g: f64,
@@ -121,7 +121,7 @@ pub fn maximum_likelihood(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
             rows.push(row);
             right.push((r.x - model) / r.sigma);
         }
-        // Columns of unlike size: scale them for the solver.
+        // The columns differ in size: scale them for the solver.
         let size = p[1].abs();
         rows.iter_mut().for_each(|row| row[1] *= size);
         let (mut step, c) = least_squares(&rows, &right);

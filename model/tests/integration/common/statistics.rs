@@ -1,6 +1,6 @@
-//! What many ramps show.
+//! Statistics of many ramps.
 
-/// Errors of many estimates, in units of what is asked.
+/// Errors of many estimates, in units of the reference error.
 #[derive(Clone, Debug, Default)]
 pub struct EstimateErrors {
     pub count: usize,
