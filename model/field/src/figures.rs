@@ -9,39 +9,39 @@ use crate::mesh::Zone;
 use crate::plates;
 use crate::solve::{Level, Locator};
 
-/// What a field is judged by. In the same form, the errors of such figures.
+/// Figures of merit of a field; also the errors of such figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Figures {
-    /// B_x in the middle of the core, T.
+    /// B_x at the middle of the core, T.
     pub centre_t: f64,
     /// Mean of |B| over the core's volume, T.
     pub core_mean_t: f64,
-    /// Standard deviation of |B| over its mean, by volume: whole core, three quarters of its
-    /// radius, half of it. For a core of 8 mm these are 8, 6 and 4 mm.
+    /// Standard deviation of |B| divided by its mean, by volume: over the whole core, three
+    /// quarters of its radius, and half of it. For a core of 8 mm these are 8, 6 and 4 mm.
     pub cv: [f64; 3],
-    /// Peak to peak of |B| along the core's axis over its mean there.
+    /// Peak to peak of |B| along the core's axis divided by its mean there.
     pub axial_pp: f64,
-    /// Peak to peak of |B| along the core's radius in mid-plane over its mean there.
+    /// Peak to peak of |B| along the core's radius in mid-plane divided by its mean there.
     pub radial_pp: f64,
-    /// Flux linked with all driven coils in series, Wb, a background's share included. Of one ampere
-    /// without a background it is the inductance in H.
+    /// Flux linked with all driven coils in series, Wb, including the share of a background. For
+    /// one ampere without a background it is the inductance in H.
     pub linkage_wb: f64,
     /// Force that closes the core's gap, N, by virtual work.
     pub force_n: f64,
-    /// The same by Maxwell's stress on the mid-plane.
+    /// The closing force by Maxwell's stress on the mid-plane, N.
     pub force_by_stress_n: f64,
-    /// Greatest |B| in the plates, T, corners left out.
+    /// Greatest |B| in the plates, T, without corners.
     pub plate_max_t: f64,
 }
 
-/// Intervals of the profiles that peak-to-peak values are taken from.
+/// Number of intervals of the profiles for peak-to-peak values.
 const STEPS: u32 = 100;
 
-/// Figures with the profiles behind their peak-to-peak values.
+/// Figures with the profiles of their peak-to-peak values.
 pub(crate) struct ProfiledFigures {
     /// The figures.
     pub(crate) figures: Figures,
-    /// |B| along the core's axis and along its radius over the mean of each.
+    /// |B| along the core's axis and along its radius, each divided by its mean.
     profiles: [Vec<f64>; 2],
 }
 
@@ -76,8 +76,8 @@ impl ProfiledFigures {
         Self { figures, profiles }
     }
 
-    /// Absolute differences; of the peak-to-peak values the most that the profiles' differences can
-    /// amount to, which does not vanish by chance.
+    /// Absolute differences. For peak-to-peak values the largest difference that the profiles
+    /// allow, which does not vanish by chance.
     pub(crate) fn change_from(&self, other: &Self) -> Figures {
         let [axial_pp, radial_pp] = [0, 1].map(|line: usize| {
             let both = self.profiles[line].iter().zip(&other.profiles[line]);
@@ -112,38 +112,38 @@ impl Figures {
         }
     }
 
-    /// Differences.
+    /// Differences of all figures.
     #[must_use]
     pub fn less(&self, other: &Self) -> Self {
         self.map(other, |a, b| a - b)
     }
 
-    /// Absolute differences.
+    /// Absolute differences of all figures.
     #[must_use]
     pub fn change_from(&self, other: &Self) -> Self {
         self.map(other, |a, b| (a - b).abs())
     }
 
-    /// The greater of each.
+    /// The greater value of each figure.
     #[must_use]
     pub fn greater_of(&self, other: &Self) -> Self {
         self.map(other, f64::max)
     }
 
-    /// All times a factor.
+    /// All figures multiplied by a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         self.map(self, |a, _| factor * a)
     }
 }
 
-/// Keeps a place within a range, so that it is not judged by the triangle beyond the end.
+/// Limits a position to a range, so that it is not evaluated in the triangle beyond the end.
 fn inward(place: f64, [from, to]: [f64; 2]) -> f64 {
     let margin = 1e-7 * (to - from);
     place.clamp(from + margin, to - margin)
 }
 
-/// Values over their mean; all 0 where that is 0.
+/// Values divided by their mean; all 0 if the mean is 0.
 fn over_mean(mut values: Vec<f64>) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let scale = if mean > 0.0 { 1.0 / mean } else { 0.0 };
@@ -157,7 +157,7 @@ fn peak_to_peak(values: &[f64]) -> f64 {
     high - low
 }
 
-/// Mean |B| and the coefficients of variation in the three shells of the core.
+/// Mean |B| and the coefficients of variation in the three zones of the core.
 fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
     let mut sums = [[0.0; 3]; 3];
     level.visit(w, |at| {

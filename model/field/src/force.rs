@@ -1,16 +1,18 @@
 //! The force between the halves of the stack, by two methods.
 //!
-//! The halves are parted in the middle half of the core's length ([`crate::design::Core::parting_m`]):
-//! all above is moved away rigidly, and what lies between, rubber and air, is stretched, keeping its
-//! permeability at each point. Positive means that the halves attract.
+//! The halves are parted in the middle half of the core's length
+//! ([`crate::design::Core::parting_m`]): all parts above are moved away rigidly, and the rubber and
+//! air between are stretched, keeping their permeability at each point. Positive means that the
+//! halves attract.
 //!
-//! A uniform background pulls at everything alike, out to infinity: its own tension is left out, so
-//! that the force is that of the design in it.
+//! A uniform background has a tension of its own out to infinity; it is subtracted, so the force is
+//! that of the design in the background.
 //!
-//! A magnet that lies there is stretched with its remanence.
+//! A magnet in this range is stretched with its remanence.
 //!
-//! Where a body's outline is slanted there, the field pulls at it along the axis, and the force
-//! depends a little on where the halves are parted. The stress is that of the mid-plane.
+//! If a body's outline is slanted in this range, the field pulls at it along the axis, and the
+//! force depends a little on the plane at which the halves are parted. The stress is that of the
+//! mid-plane.
 
 use core::f64::consts::TAU;
 
@@ -19,25 +21,25 @@ use crate::geometry::{Point, length};
 use crate::material::Material;
 use crate::solve::{Level, Locator};
 
-/// Tension along the axis beyond that of the level's background in vacuum, N/m²: ∫H dB − H_r B_r,
-/// which is B²/2μ where B runs along the axis.
+/// Tension along the axis in excess of that of the level's background in vacuum, N/m²: ∫H dB − H_r
+/// B_r, which is B²/2μ where B is parallel to the axis.
 fn tension(level: &Level, region: usize, b: [f64; 2]) -> f64 {
     let (material, excess) = level.law_at(region, b);
     tension_of(level, material, excess)
 }
 
-/// The same in a material, of what exceeds its remanence.
+/// Tension in a material, N/m², of the field in excess of its remanence.
 fn tension_of(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
     let size = length(b);
     let background = Material::VACUUM.energy_j_per_m3(level.background_t);
     material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0] - background
 }
 
-/// By virtual work, N: how the energy changes with the gap while the flux is kept.
+/// Force by virtual work, N: the change of the energy with the gap at constant flux.
 ///
-/// With r A_φ kept at each point of the material, a stretch dx → (1 + ε) dx leaves B_x as it is,
-/// divides B_r by 1 + ε and multiplies volumes by it: dW/dε = ∫ (∫H dB − H_r B_r) dV over what is
-/// stretched (Coulomb's method, taken of the discrete energy itself).
+/// With r A_φ constant at each point of the material, a stretch dx → (1 + ε) dx leaves B_x
+/// unchanged, divides B_r by 1 + ε and multiplies volumes by it: dW/dε = ∫ (∫H dB − H_r B_r) dV
+/// over the stretched volume (Coulomb's method, applied to the discrete energy itself).
 #[must_use]
 pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
     let [from, to] = design.core.parting_m();
@@ -47,12 +49,12 @@ pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Loca
             sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
         }
     });
-    // Beyond the circle the field is smooth.
+    // Outside of the circle the field is smooth.
     let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));
     (sum + beyond) / (to - from)
 }
 
-/// By Maxwell's stress on the core's mid-plane out to infinity, N.
+/// Force by Maxwell's stress on the core's mid-plane out to infinity, N.
 #[must_use]
 pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     let x = design.core.middle_m();
@@ -61,7 +63,7 @@ pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
         tension(level, at.region as usize, at.b)
     };
     let edge = reach(level, x);
-    // The stress jumps where the material changes: the way is cut there.
+    // The stress jumps where the material changes: the integral is split there.
     let mut stops = vec![0.0];
     let region = |r: f64| locator.at([r, x]).region;
     for step in 0..STEPS {
@@ -86,10 +88,10 @@ pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     pieces.sum::<f64>() + ring_beyond(level, locator, x)
 }
 
-/// Steps in which changes of the material along the mid-plane are looked for.
+/// Number of steps along the mid-plane in which changes of the material are searched for.
 const STEPS: u32 = 200;
 
-/// The plane's share outside of the circle: r = R/t turns the way to infinity into (0, 1].
+/// Share of the plane outside of the circle: r = R/t maps the range to infinity onto (0, 1].
 fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
     let edge = reach(level, x) * (1.0 + 1e-12);
     panels(1.0, 8, |t| {
@@ -106,7 +108,7 @@ fn reach(level: &Level, x: f64) -> f64 {
         .sqrt()
 }
 
-/// Integrates from 0 to `end` by three points of Gauss's rule in each of `count` panels.
+/// Integrates from 0 to `end` by Gauss's rule with three points in each of `count` panels.
 fn panels(end: f64, count: u32, f: impl Fn(f64) -> f64) -> f64 {
     const NODES: [(f64, f64); 3] = [
         (0.112_701_665_379_258_3, 5.0 / 18.0),

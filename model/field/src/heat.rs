@@ -1,4 +1,4 @@
-//! What the windings' heat warms up.
+//! Heat capacities for the heat of the windings.
 //!
 //! Heat capacities by volume are handbook values at room temperature: copper 3.45, glass-fibre board
 //! 2.0, nickel iron 4.0 MJ/(m³ K). Elastomer: 30 vol% iron of 3.5 and 70 vol% silicone of 1.6.
@@ -16,14 +16,14 @@ const ELASTOMER_J_PER_M3_K: f64 = 2.2e6;
 /// Heat capacities, J/K.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatCapacity {
-    /// The driven windings by themselves: what warms up in the first second.
+    /// Driven windings alone, which warm up in the first second.
     pub copper_j_per_k: f64,
     /// Windings, boards, bodies and plates together.
     pub stack_j_per_k: f64,
 }
 
 impl HeatCapacity {
-    /// The heat capacities of a design that has been solved.
+    /// Computes the heat capacities of a solved design.
     #[must_use]
     pub fn of(design: &Design, solved: &Solved) -> Self {
         let volume = |section: &Rectangle| PI * ring(section.r_m) * width(section.x_m);
@@ -78,7 +78,8 @@ mod tests {
     use crate::design::builtin;
     use crate::solve::{Accuracy, Excitation, solve};
 
-    /// 38.9 W warm the paper's copper by 25 K/s, and the whole pad by about half a kelvin.
+    /// 38.9 W warm the paper's copper by 25 K/s, and the whole pad by about half a kelvin per
+    /// second.
     #[test]
     fn the_paper_s_stack() {
         let design = builtin("A").expect("built in");

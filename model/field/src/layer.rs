@@ -1,4 +1,4 @@
-//! From the field to springs: what the elastomer between the boards does for the sensor.
+//! From the field to springs: the effect of the elastomer between the boards on the sensor.
 //!
 //! A layer bonded between rigid plates cannot bulge (Gent and Lindley, 1959): its stiffness is
 //! E A (1 + 2S²)/h with the shape factor S = loaded area / free area. The modulus rises with the
@@ -10,32 +10,32 @@ use crate::design::{Cut, Design, MagneticPart};
 use crate::material::MU_0;
 use crate::solve::Solved;
 
-/// An elastomer's stiffness in the field.
+/// Field-dependent stiffness of an elastomer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elastomer {
     /// Young's modulus without field E₀, Pa.
     pub modulus_pa: f64,
     /// Greatest relative rise R.
     pub rise: f64,
-    /// Field of half the rise B_c, T.
+    /// Field of half the rise, B_c, T.
     pub half_t: f64,
 }
 
 impl Elastomer {
-    /// Ordinary soft elastomer. Priors without a source, to be replaced by a calibration.
+    /// Ordinary soft elastomer. Assumed values without a source, to be replaced by a calibration.
     pub const SOFT: Self = Self {
         modulus_pa: 0.1e6,
         rise: 3.0,
         half_t: 0.30,
     };
-    /// Very soft elastomer: the middle of 30 to 60 kPa. Priors as well.
+    /// Very soft elastomer: the middle of 30 to 60 kPa. Assumed values as well.
     pub const ULTRASOFT: Self = Self {
         modulus_pa: 45e3,
         rise: 15.0,
         half_t: 0.25,
     };
 
-    /// The share of the greatest rise at a field.
+    /// Share of the greatest rise at a field.
     #[must_use]
     pub fn share(&self, b_t: f64) -> f64 {
         b_t * b_t / (b_t * b_t + self.half_t * self.half_t)
@@ -47,21 +47,21 @@ impl Elastomer {
 pub struct Layer {
     /// Loaded area, m².
     pub area_m2: f64,
-    /// Shape factor: loaded over free area.
+    /// Shape factor: loaded area divided by free area.
     pub shape_factor: f64,
     /// Spring without field c_D0, N/m.
     pub spring_n_per_m: f64,
-    /// Relative rise of the spring by the field.
+    /// Relative rise of the spring due to the field.
     pub stiffening: f64,
-    /// The even field that would give the same rise, T.
+    /// Uniform field that would give the same rise, T.
     pub field_t: f64,
 }
 
 impl Layer {
-    /// The layer of a design in a solved field. The cast bodies between the boards carry the load,
-    /// side by side; each point's modulus counts by its volume.
+    /// Computes the layer of a design in a solved field. The cast bodies between the boards carry
+    /// the load in parallel; the modulus of each point is weighted by its volume.
     ///
-    /// Returns none if there is no elastomer between the boards.
+    /// Returns `None` if there is no elastomer between the boards.
     #[must_use]
     pub fn of(design: &Design, solved: &Solved, elastomer: &Elastomer) -> Option<Self> {
         let [from, to] = design.core.x_m;
@@ -72,7 +72,7 @@ impl Layer {
                 continue;
             };
             let (area, outline) = part.cut.left_of(r_m);
-            // The inner rim of a ring is free, the axis is none.
+            // The inner rim of a ring is free, the axis is not.
             let shape_factor = area / (outline * height);
             spring += elastomer.modulus_pa * area * (1.0 + 2.0 * shape_factor.powi(2)) / height;
             area_m2 += area;
@@ -106,7 +106,7 @@ impl Layer {
     }
 }
 
-/// The field in what is left of a cut body: H is that of the mixture.
+/// Field in the remaining pieces of a cut body: H equals that of the mixture.
 fn in_the_pieces(part: &MagneticPart, design: &Design, b: [f64; 2]) -> f64 {
     let size = b[0].hypot(b[1]);
     let fill = match (part.cut, extent_in_plane(part, design.core.middle_m())) {
@@ -118,8 +118,8 @@ fn in_the_pieces(part: &MagneticPart, design: &Design, b: [f64; 2]) -> f64 {
     MU_0 * (h + magnetisation)
 }
 
-/// Where a body begins and ends on a plane across the axis. Its outline is sampled at 2,000 radii,
-/// which for the area means 0.1 %.
+/// Inner and outer radius of a body on a plane across the axis. The outline is sampled at 2,000
+/// radii, which gives the area to 0.1 %.
 fn extent_in_plane(part: &MagneticPart, x: f64) -> Option<[f64; 2]> {
     const STEPS: u32 = 2_000;
     let reach = part
@@ -139,7 +139,7 @@ fn extent_in_plane(part: &MagneticPart, x: f64) -> Option<[f64; 2]> {
     ])
 }
 
-/// Pad of elastomer on a rigid base: the spring of the sensing layer, N/m.
+/// Spring of a pad of elastomer on a rigid base, the sensing layer, N/m.
 #[must_use]
 pub fn pad_spring_n_per_m(elastomer: &Elastomer, radius_m: f64, height_m: f64) -> f64 {
     let shape_factor = radius_m / (2.0 * height_m);
@@ -153,7 +153,7 @@ mod tests {
     use crate::design::builtin;
     use crate::solve::{Accuracy, Excitation, solve};
 
-    /// Physics of the paper's layer: 1,070 N/mm bonded, and 1.4 % at 10 A for soft elastomer.
+    /// The paper's layer: 1,070 N/mm bonded, and 1.4 % at 10 A for soft elastomer.
     #[test]
     fn the_paper_s_layer() {
         let design = builtin("A").expect("built in");

@@ -1,8 +1,9 @@
-//! The greatest flux density in the plates, magnets left out: how near soft metal is to saturation.
+//! Greatest flux density in the plates, without magnets: shows how close soft metal is to
+//! saturation.
 //!
-//! At corners the field is singular, so that a disc of [`CORNER_M`] about each is left out. Within a part of one
-//! permeability |B|² has its greatest value on the boundary, and near a corner that is the disc's
-//! edge: it is sampled there, besides the points of integration.
+//! At corners the field is singular, so a disc of [`CORNER_M`] about each corner is omitted. Within
+//! a part of uniform permeability |B|² has its greatest value on the boundary, and near a corner
+//! that is the disc's edge: the edge is sampled in addition to the points of integration.
 
 use core::f64::consts::TAU;
 
@@ -11,11 +12,11 @@ use crate::geometry::{Point, distance, length};
 use crate::mesh::CORNER_M;
 use crate::solve::{Level, Locator};
 
-/// Points on the edge of the disc about a corner: |B| falls with a third power at most about a corner, and turns by 11 degrees
-/// from point to point.
+/// Number of points on the edge of the disc about a corner: about a corner |B| falls with a third
+/// power at most, and the points are 11 degrees apart.
 const AROUND: u32 = 32;
 
-/// Greatest |B| in the plates, T, corners left out; 0 without a plate.
+/// Greatest |B| in the plates, T, without corners; 0 without a plate.
 #[must_use]
 pub fn greatest(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
     let mut greatest = 0.0_f64;
@@ -42,7 +43,7 @@ pub(crate) fn visit(
     }
 }
 
-/// The same of the parts that `counts` says.
+/// Calls `found` for the parts that `counts` selects, as [`visit`] does.
 pub(crate) fn visit_parts(
     level: &Level,
     w: &[f64],

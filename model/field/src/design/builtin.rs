@@ -1,11 +1,11 @@
-//! The designs that come with the crate.
+//! The built-in designs.
 
 use super::{Design, DesignError};
 
 /// Names of the built-in designs.
 ///
-/// All but the last are the cases of the sensor's paper, read from its table and text; `closed` is a
-/// stack that measures stiffness better.
+/// All but the last are the cases of the sensor's paper, read from its table and text; `closed` is
+/// a stack that measures stiffness better.
 pub const BUILTIN: [&str; 14] = [
     "air",
     "A",
@@ -23,21 +23,21 @@ pub const BUILTIN: [&str; 14] = [
     "closed",
 ];
 
-/// Names of built-in designs with a sensing coil, for alternating fields: the coil between its slabs, and
-/// that above `A` and `closed`. With them there is a copper plane that does not conduct until its material's
-/// conductivity is set.
+/// Names of built-in designs with a sensing coil, for alternating fields: the coil between its
+/// slabs, and the coil above `A` and above `closed`. Each has a copper plane that does not conduct
+/// until its material's conductivity is set.
 pub const WITH_SENSING_COIL: [&str; 3] = ["sensing", "A-sensing", "closed-sensing"];
 
-/// Names of built-in designs of magnets alone: a pot magnet above a plate.
+/// Names of built-in designs with magnets only: a pot magnet above a plate.
 pub const WITH_MAGNETS: [&str; 1] = ["holder"];
 
-/// Every name of a built-in design.
+/// Names of all built-in designs.
 #[must_use]
 pub fn builtin_names() -> Vec<&'static str> {
     [&BUILTIN[..], &WITH_SENSING_COIL, &WITH_MAGNETS].concat()
 }
 
-/// The text of a built-in design.
+/// Text of a built-in design; `None` for an unknown name.
 #[must_use]
 pub fn builtin_text(name: &str) -> Option<&'static str> {
     Some(match name {
@@ -63,7 +63,7 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
     })
 }
 
-/// A built-in design.
+/// Reads a built-in design.
 ///
 /// # Errors
 /// [`DesignError`] for any name that is not in [`builtin_names`].

@@ -1,4 +1,4 @@
-//! Whether the parts of a design fit together.
+//! Checks that the parts of a design fit together.
 
 use super::{Design, DesignError, Rectangle};
 use crate::geometry::arrangement::{Arrangement, bounds, boxes_touch};
@@ -6,12 +6,12 @@ use crate::geometry::path::Path;
 use crate::geometry::shape::{Shape, edges};
 use crate::geometry::{Point, cross, distance};
 
-/// Nothing may be thinner, and no gap narrower: 1 µm, below any tolerance of such a stack.
+/// Smallest thickness and smallest gap, m: 1 µm, below any tolerance of such a stack.
 pub(super) const THINNEST_M: f64 = 1e-6;
-/// Positions this near are the same.
+/// Distance below which positions count as equal, m.
 pub(super) const SAME_M: f64 = 1e-9;
 
-/// Lines of the file on which each entry begins.
+/// Lines of the file on which the entries start.
 #[derive(Default)]
 pub(super) struct Lines {
     pub(super) parts: Vec<usize>,
@@ -19,18 +19,18 @@ pub(super) struct Lines {
     pub(super) coils: Vec<usize>,
 }
 
-/// Something solid, with its place in the file.
+/// A solid, with its location in the file.
 struct Solid {
     place: String,
     line: usize,
     shape: Shape,
     minus: Vec<Shape>,
-    /// Copper may lie within its board.
+    /// Whether it is copper, which may lie within its board.
     copper: bool,
     board: bool,
 }
 
-/// Refuses overlaps and gaps.
+/// Rejects overlaps and too narrow gaps.
 pub(super) fn check(file: &str, design: &Design, lines: &Lines) -> Result<(), DesignError> {
     let refuse = |line: usize, place: &str, problem: String, allowed: &str| {
         Err(DesignError {
@@ -126,7 +126,7 @@ fn relation(a: &Solid, b: &Solid) -> Relation {
     Relation::Apart
 }
 
-/// Whether boxes about two shapes are farther apart than the narrowest gap.
+/// Whether the bounding boxes of two shapes are farther apart than the smallest gap.
 fn boxes_apart(a: &Shape, b: &Shape) -> bool {
     let bounds = |shape: &Shape, axis: usize| {
         let values = shape.extremes().into_iter().map(move |point| point[axis]);
@@ -140,7 +140,8 @@ fn boxes_apart(a: &Shape, b: &Shape) -> bool {
     })
 }
 
-/// Cuts both outlines at each other: they overlap if a point just beside a piece is in both.
+/// Whether two solids overlap. Cuts both outlines at each other; they overlap if a point just
+/// beside a piece lies in both.
 fn overlap(a: &Solid, b: &Solid) -> bool {
     let within = |solid: &Solid, point| {
         solid.shape.contains(point) && !solid.minus.iter().any(|hole| hole.contains(point))
@@ -153,7 +154,7 @@ fn overlap(a: &Solid, b: &Solid) -> bool {
     let points = Arrangement::of(&paths, SAME_M).points_beside();
     let (board, copper) = if a.board { (a, b) } else { (b, a) };
     if board.board && copper.copper {
-        // Copper within its board is as it should be, and so is copper on it.
+        // Copper within its board or on it is allowed.
         let mut copper = points
             .iter()
             .filter(|&&point| within(copper, point))
@@ -166,7 +167,7 @@ fn overlap(a: &Solid, b: &Solid) -> bool {
         .any(|&point| within(a, point) && within(b, point))
 }
 
-/// Refuses an outline that is no simple polygon.
+/// Rejects an outline that is not a simple polygon.
 pub(super) fn outline(shape: &Shape, most: usize) -> Result<(), (String, String)> {
     let corners = match shape {
         Shape::Polygon(corners) => corners,
@@ -208,7 +209,7 @@ pub(super) fn outline(shape: &Shape, most: usize) -> Result<(), (String, String)
     Ok(())
 }
 
-/// The same of an outline with arcs.
+/// Rejects an outline with arcs that is not simple.
 fn curved(shape: &Shape, paths: &[Path], most: usize) -> Result<(), (String, String)> {
     let allowed =
         format!("up to {most} lines and arcs that do not touch each other but at corners");

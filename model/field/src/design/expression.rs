@@ -1,11 +1,11 @@
-//! Arithmetic in designs: `"1.64 + gap"`, with the names of `[parameters]`.
+//! Arithmetic in designs: `"1.64 + gap"`, with names from `[parameters]`.
 
 use std::collections::BTreeMap;
 
-/// Evaluates `+ - * /`, parentheses, numbers and names.
+/// Evaluates an expression of `+ - * /`, parentheses, numbers and names.
 ///
 /// # Errors
-/// A sentence that says what is wrong.
+/// A sentence that describes the error.
 pub(super) fn evaluate(text: &str, names: &BTreeMap<String, f64>) -> Result<f64, String> {
     let mut parser = Parser {
         rest: text,
@@ -19,7 +19,7 @@ pub(super) fn evaluate(text: &str, names: &BTreeMap<String, f64>) -> Result<f64,
     }
 }
 
-/// Parentheses and signs nest at most so deep, so that no text exhausts the stack.
+/// Largest nesting depth of parentheses and signs, so that no text exhausts the stack.
 const DEEPEST: u32 = 32;
 
 struct Parser<'t> {
@@ -103,7 +103,8 @@ impl Parser<'_> {
         if let Some(value) = self.names.get(word) {
             return Ok(*value);
         }
-        // Exponents carry a sign only in TOML's own numbers; "inf" and "nan" are no numbers here.
+        // Exponents with a sign are allowed in TOML's own numbers only; "inf" and "nan" are not
+        // accepted as numbers.
         let number = word.starts_with(|c: char| c.is_ascii_digit() || c == '.');
         match word.parse() {
             Ok(value) if number => Ok(value),

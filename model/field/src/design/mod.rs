@@ -1,7 +1,7 @@
-//! What is to be solved: coils, boards, bodies, plates and their materials, as read from TOML.
+//! Designs as read from TOML: coils, boards, bodies, plates and their materials.
 //!
-//! Everything is a body of revolution about the axis `x`; `r` is the distance from it. In the file
-//! lengths are in the unit that `length_unit` names; in these types they are metres.
+//! Every part is a body of revolution about the axis `x`; `r` is the distance from it. In the file
+//! lengths are in the unit that `length_unit` names; in these types they are in metres.
 
 mod builtin;
 mod check;
@@ -18,17 +18,17 @@ pub use named::Named;
 use crate::geometry::shape::Shape;
 use crate::material::Material;
 
-/// A design: everything that the solver has to know.
+/// A design: geometry, materials and currents for the solver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Design {
     /// Name.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description in one sentence.
     pub about: String,
-    /// The volume that is judged: the disc between the boards, by which mean field, homogeneity
-    /// and the force that closes it are defined.
+    /// The core: the disc between the boards, for which mean field, homogeneity and the closing
+    /// force are defined.
     pub core: Core,
-    /// Windings. Those that are driven are in series.
+    /// Windings. The driven ones are in series.
     pub coils: Vec<RingCoil>,
     /// Circuit boards. They displace the cast bodies and are not magnetic.
     pub boards: Vec<CircuitBoard>,
@@ -38,18 +38,18 @@ pub struct Design {
     pub resistivity_ohm_m: f64,
     /// The current that the design is meant for, A.
     pub current_a: f64,
-    /// Uniform field along the axis in which everything stands, T.
+    /// Uniform background field along the axis, T.
     pub background_t: f64,
-    /// The files beside it that it names.
+    /// Files beside the design that it refers to.
     pub files: Vec<FileRead>,
 }
 
-/// A file beside a design.
+/// A file beside a design that was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileRead {
-    /// Its path.
+    /// Path of the file.
     pub file: String,
-    /// What was read of it, with sizes and units.
+    /// Summary of its contents, with sizes and units.
     pub summary: String,
 }
 
@@ -59,7 +59,7 @@ impl fmt::Display for FileRead {
     }
 }
 
-/// The disc that is judged.
+/// The disc for which the figures are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Core {
     /// Radius, m.
@@ -69,13 +69,13 @@ pub struct Core {
 }
 
 impl Core {
-    /// The middle of its length, m.
+    /// Position of the core's middle on the axis, m.
     #[must_use]
     pub fn middle_m(&self) -> f64 {
         0.5 * (self.x_m[0] + self.x_m[1])
     }
 
-    /// The middle half of its length, m: where the halves of the stack are parted for the force.
+    /// Middle half of the core's length, m: the stack is parted there for the force.
     #[must_use]
     pub fn parting_m(&self) -> [f64; 2] {
         let quarter = 0.25 * (self.x_m[1] - self.x_m[0]);
@@ -83,29 +83,31 @@ impl Core {
     }
 }
 
-/// Rings of the same size side by side, or one ring; in series.
+/// A coil of one ring, or of rings of equal size side by side, in series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RingCoil {
     /// Name.
     pub name: String,
-    /// Each ring's cross-section.
+    /// Cross-section of each ring.
     pub rings: Vec<Rectangle>,
     /// Turns in each ring's cross-section.
     pub turns: f64,
-    /// +1 or −1: the sense of the current.
+    /// Sense of the current, +1 or −1.
     pub sense: f64,
-    /// Whether it is one of the coils in series that carry the constant current. A sensing coil is not.
+    /// Whether it is one of the coils in series that carry the constant current. A sensing coil is
+    /// not.
     pub driven: bool,
-    /// The constant current of a coil that is not in series with the others, A; its sense comes on top.
+    /// Constant current of a coil that is not in series with the others, A; multiplied by its
+    /// sense.
     pub own_current_a: Option<f64>,
 }
 
 /// A rectangle in the half-plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// From and to, m.
+    /// Inner and outer radius, m.
     pub r_m: [f64; 2],
-    /// From and to, m.
+    /// Lower and upper end along the axis, m.
     pub x_m: [f64; 2],
 }
 
@@ -116,71 +118,72 @@ impl Rectangle {
         (self.r_m[1] - self.r_m[0]) * (self.x_m[1] - self.x_m[0])
     }
 
-    /// Length of the circle through its middle, m.
+    /// Circumference of the circle through its middle, m.
     #[must_use]
     pub fn circumference_m(&self) -> f64 {
         core::f64::consts::PI * (self.r_m[0] + self.r_m[1])
     }
 }
 
-/// A circuit board with its copper: not magnetic.
+/// A circuit board with its copper, which is not magnetic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CircuitBoard {
     /// Name.
     pub name: String,
-    /// Its cross-section.
+    /// Cross-section.
     pub section: Rectangle,
 }
 
-/// A magnetic part.
+/// A magnetic part: a body or a plate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MagneticPart {
     /// Name.
     pub name: String,
-    /// The name of its material.
+    /// Name of its material.
     pub material_name: String,
-    /// Its material; that of what is left and the air between, where the body is cut.
+    /// Material; for a cut body, that of the mixture of what remains and the air between.
     pub material: Material,
-    /// Remanence along the axis, T: of a magnet, whose `material` has the recoil permeability. B = B_r + μ₀ μ_r H.
+    /// Remanence of a magnet along the axis, T; its `material` has the recoil permeability.
+    /// B = B_r + μ₀ μ_r H.
     pub remanence_t: f64,
-    /// Its outline.
+    /// Outline.
     pub shape: Shape,
-    /// What is cut out of it.
+    /// Shapes cut out of the outline.
     pub minus: Vec<Shape>,
     /// Conductivity, S/m; 0 for an insulator.
     pub conductivity_s_per_m: f64,
-    /// Loss tangent of its permeability, μ″/μ′, for alternating fields.
+    /// Loss tangent of the permeability, μ″/μ′, for alternating fields.
     pub loss_tangent: f64,
-    /// Whether it is one piece, or cut so that it can give way to the side.
+    /// How the body is cut so that it can yield sideways.
     pub cut: Cut,
-    /// Whether it was cast around boards, windings and plates (a body), so that it leaves out
-    /// what they take, or is solid (a plate), so that nothing may reach into it.
+    /// Whether it was cast around boards, windings and plates (a body), so that it omits their
+    /// space, or is solid (a plate), so that no other part may reach into it.
     pub cast: bool,
 }
 
-/// How a body is cut, along the axis, so that it is softer.
+/// How a body is cut, along the axis, to be softer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// Not at all.
+    /// Not cut.
     Whole,
-    /// Only round pillars are left of it.
+    /// Cut into round pillars.
     Pillars {
-        /// How many.
+        /// Number of pillars.
         count: u32,
-        /// Diameter of each, m.
+        /// Diameter of each pillar, m.
         diameter_m: f64,
     },
-    /// Radial slots divide it into sectors.
+    /// Divided into sectors by radial slots.
     Slots {
-        /// How many.
+        /// Number of slots.
         count: u32,
-        /// Width of each, m.
+        /// Width of each slot, m.
         width_m: f64,
     },
 }
 
 impl Cut {
-    /// Area that is left, and length of the outline around all pieces, of a ring from `r[0]` to
+    /// Remaining area, and length of the outline around all pieces, of a ring from `r[0]` to
     /// `r[1]`, in m² and m.
     #[must_use]
     pub fn left_of(&self, r_m: [f64; 2]) -> (f64, f64) {
@@ -208,7 +211,7 @@ impl Cut {
         }
     }
 
-    /// The share of a ring from `r[0]` to `r[1]` that is left.
+    /// Remaining share of the area of a ring from `r[0]` to `r[1]`.
     #[must_use]
     pub fn fill(&self, r_m: [f64; 2]) -> f64 {
         self.left_of(r_m).0 / Self::Whole.left_of(r_m).0
@@ -216,7 +219,7 @@ impl Cut {
 }
 
 impl MagneticPart {
-    /// Whether a point lies in its outline and in nothing that is cut out.
+    /// Whether a point lies in the outline and in none of the shapes cut out of it.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         self.shape.contains(point) && !self.minus.iter().any(|hole| hole.contains(point))
@@ -224,7 +227,8 @@ impl MagneticPart {
 }
 
 impl Design {
-    /// Reads a text. `file` is for messages, and files that the text names are read beside it.
+    /// Reads a design from its text. `file` is used in messages; files that the text refers to are
+    /// read from the same folder.
     ///
     /// ```
     /// use palpate_field::design::{Design, builtin_text};
@@ -239,7 +243,7 @@ impl Design {
     /// ```
     ///
     /// # Errors
-    /// [`DesignError`] names line, key and what is allowed.
+    /// [`DesignError`] with line, key and the allowed values.
     pub fn parse(file: &str, text: &str) -> Result<Self, DesignError> {
         read::read(file, text)
     }
@@ -255,8 +259,8 @@ impl Design {
         self.driven_coils().next().is_some()
     }
 
-    /// Resistance of the driven windings in series at the temperature of the resistivity, Ω: current
-    /// runs in circles, evenly over each ring, ρ · 2π r̄ turns² / area for each.
+    /// Resistance of the driven windings in series at the temperature of the resistivity, Ω: the
+    /// current runs in circles, evenly over each ring, so each ring has ρ · 2π r̄ turns² / area.
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
         let coils = self.driven_coils();
@@ -266,7 +270,7 @@ impl Design {
             .sum::<f64>()
     }
 
-    /// Resistance of one coil, by the same rule, Ω.
+    /// Resistance of one coil, Ω, by the same formula as [`resistance_ohm`](Self::resistance_ohm).
     #[must_use]
     pub fn coil_resistance_ohm(&self, coil: &RingCoil) -> f64 {
         let ring = |ring: &Rectangle| ring.circumference_m() / ring.area_m2();
@@ -274,7 +278,7 @@ impl Design {
         self.resistivity_ohm_m * coil.turns.powi(2) * rings
     }
 
-    /// Every corner of boards, copper, bodies and plates, m.
+    /// All corners of boards, copper, bodies and plates, m.
     fn extremes(&self) -> impl Iterator<Item = [f64; 2]> {
         let rings = self.coils.iter().flat_map(|coil| &coil.rings);
         let boards = self.boards.iter().map(|board| &board.section);
@@ -283,7 +287,7 @@ impl Design {
         rings.chain(boards).flat_map(corner).chain(parts)
     }
 
-    /// From where to where it reaches along the axis, m, the core included.
+    /// Lower and upper end along the axis, m, including the core.
     #[must_use]
     pub fn height_m(&self) -> [f64; 2] {
         let places = self.extremes().map(|[_, x]| x).chain(self.core.x_m);
@@ -292,7 +296,7 @@ impl Design {
         })
     }
 
-    /// How far it reaches from the axis, m, the core included.
+    /// Greatest distance from the axis, m, including the core.
     #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.extremes()
@@ -306,7 +310,7 @@ impl Design {
         self.parts.iter().any(|part| part.remanence_t != 0.0)
     }
 
-    /// Whether a field stands without the constant current: a background's, magnets', or that of coils with
+    /// Whether there is a field without the constant current: a background, magnets, or coils with
     /// currents of their own.
     #[must_use]
     pub fn has_standing_field(&self) -> bool {
@@ -320,18 +324,18 @@ impl Design {
     }
 }
 
-/// Why a design was refused.
+/// Error in a design.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DesignError {
-    /// The file, as its reader named it.
+    /// File, as given to its reader.
     pub file: String,
     /// Line, counted from 1.
     pub line: usize,
-    /// The key or part that it is about; empty where the text is no TOML.
+    /// Key or part with the error; empty if the text is not TOML.
     pub place: String,
-    /// What is wrong.
+    /// Description of the error.
     pub problem: String,
-    /// What would be right; empty where the problem says it.
+    /// Allowed values; empty if the description contains them.
     pub allowed: String,
 }
 

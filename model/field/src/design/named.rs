@@ -1,14 +1,14 @@
-//! Parts of a design by their names.
+//! Access to parts of a design by name.
 
 use super::Design;
 use crate::mesh::Region;
 
-/// A coil, or a body or plate.
+/// Reference to a coil, or to a body or plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Named {
-    /// The coil with this place in [`Design::coils`].
+    /// Index in [`Design::coils`].
     Coil(usize),
-    /// The body or plate with this place in [`Design::parts`].
+    /// Index in [`Design::parts`].
     Part(usize),
 }
 
@@ -23,7 +23,7 @@ impl Named {
 }
 
 impl Design {
-    /// The first coil, body or plate of a name.
+    /// The first coil, body or plate with this name.
     #[must_use]
     pub fn named(&self, name: &str) -> Option<Named> {
         let coil = self.coils.iter().position(|coil| coil.name == name);

@@ -1,21 +1,21 @@
-//! Changing numbers in a design's text by their path: `parameters.gap`, `coil.lower inner.x.1`.
+//! Changes numbers in a design's text by their path: `parameters.gap`, `coil.lower inner.x.1`.
 
 use core::ops::Range;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Sets numbers in a text, which otherwise stays as it is: comments, order and lines. A path names
-/// tables, entries of a list by their `name` or their place from 0, and ends at a number or at a text
-/// with arithmetic, which the number replaces.
+/// Sets numbers in a text; comments, order and lines of the rest stay. A path names tables, entries
+/// of a list by their `name` or their index from 0, and ends at a number or at an expression, which
+/// the number replaces.
 ///
 /// # Errors
-/// A sentence that names the path and what is there.
+/// A sentence that names the path and its present contents.
 pub fn set(text: &str, settings: &[(String, f64)]) -> Result<String, String> {
     let mut text = text.to_owned();
     for (path, value) in settings {
         let (place, whole) = find(&text, path)?;
-        // What counts things stays whole.
+        // Counts stay integers.
         let number = if whole && value.fract() == 0.0 {
             format!("{value:.0}")
         } else {
@@ -26,10 +26,10 @@ pub fn set(text: &str, settings: &[(String, f64)]) -> Result<String, String> {
     Ok(text)
 }
 
-/// The number at the end of a path.
+/// Returns the number at the end of a path.
 ///
 /// # Errors
-/// As [`set`]; and where a text with arithmetic stands, which has no number of its own.
+/// As for [`set`]; also for an expression, which has no number of its own.
 pub fn get(text: &str, path: &str) -> Result<f64, String> {
     let (place, _) = find(text, path)?;
     let number = text.get(place).unwrap_or_default();
@@ -39,7 +39,7 @@ pub fn get(text: &str, path: &str) -> Result<f64, String> {
     })
 }
 
-/// Where the number of a path stands in the text, and whether it is an integer.
+/// Range of the number of a path in the text, and whether it is an integer.
 fn find(text: &str, path: &str) -> Result<(Range<usize>, bool), String> {
     let table = DeTable::parse(text).map_err(|error| error.message().to_owned())?;
     let span = table.span();
@@ -124,7 +124,7 @@ mod tests {
         assert!(get(text, "core.x.1").is_err());
     }
 
-    /// A changed text differs in its numbers only, so that messages about it name the user's lines.
+    /// A changed text differs in its numbers only, so messages about it refer to the user's lines.
     #[test]
     fn comments_and_lines_stay() {
         let text = "# mine\n[parameters]\ngap = 5.0 # mm\n[[coil]]\nname = \"a\"\nrings = 7\n";

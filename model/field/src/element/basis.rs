@@ -5,7 +5,8 @@
 pub struct BasisValues {
     /// Values.
     pub values: Vec<f64>,
-    /// Derivatives by the second and third barycentric coordinate, the first giving way.
+    /// Derivatives with respect to the second and third barycentric coordinate; the first decreases
+    /// by the same amount.
     pub slopes: Vec<[f64; 2]>,
 }
 
@@ -17,7 +18,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The basis of an order, 1 to 6. Nodes come in this order: the vertices; those on the edges
+    /// Creates the basis of an order, 1 to 6. Order of the nodes: the vertices; those on the edges
     /// from the first to the second vertex, from there to the third and back; those inside.
     #[must_use]
     pub fn new(order: u32) -> Self {
@@ -32,25 +33,25 @@ impl Basis {
         Self { order, nodes }
     }
 
-    /// Its order.
+    /// Order of the basis.
     #[must_use]
     pub fn order(&self) -> u32 {
         self.order
     }
 
-    /// How many nodes a triangle has.
+    /// Number of nodes of a triangle.
     #[must_use]
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Never: there is no basis without nodes.
+    /// Always false: every basis has nodes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// Nodes within the triangle, off its edges.
+    /// Number of nodes within the triangle, off its edges.
     #[must_use]
     pub fn interior(&self) -> usize {
         self.len() - 3 * self.order as usize
@@ -64,7 +65,7 @@ impl Basis {
             .map(move |node| node.map(|k| f64::from(k) / order))
     }
 
-    /// All functions at a point.
+    /// Values and slopes of all functions at a point.
     #[must_use]
     pub fn sample(&self, at: [f64; 3]) -> BasisValues {
         let order = f64::from(self.order);

@@ -1,4 +1,4 @@
-//! Finite elements: triangles with Lagrange polynomials, and how they are integrated over.
+//! Finite elements: triangles with Lagrange polynomials, and their quadrature.
 
 pub mod basis;
 pub mod quadrature;

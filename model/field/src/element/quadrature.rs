@@ -1,13 +1,14 @@
 //! Gauss quadrature on the line and the triangle.
 
-/// Nodes on [0, 1] and weights, of the Jacobi weight (1 − t)^`alpha` with `alpha` 0 or 1.
+/// Nodes on [0, 1] and weights for the Jacobi weight (1 − t)^`alpha` with `alpha` 0 or 1.
 ///
 /// `count` nodes are exact for polynomials up to degree 2·`count` − 1.
 #[must_use]
 pub fn gauss(count: usize, alpha: f64) -> Vec<(f64, f64)> {
     let mut roots: Vec<f64> = Vec::with_capacity(count);
     for index in 0..count {
-        // Chebyshev's nodes are near; known roots are divided out, so that none is found twice.
+        // Chebyshev's nodes are good first guesses; known roots are divided out, so that none is
+        // found twice.
         let guess = (2 * index + 1) as f64 / (2 * count) as f64 * core::f64::consts::PI;
         let mut x = guess.cos();
         for _ in 0..100 {
@@ -32,7 +33,7 @@ pub fn gauss(count: usize, alpha: f64) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Jacobi's polynomial P_n^(α, 0) and its derivative, by their recurrences.
+/// Jacobi polynomial P_n^(α, 0) and its derivative, by recurrence.
 fn jacobi(n: usize, alpha: f64, x: f64) -> (f64, f64) {
     let mut last = 1.0;
     let mut value = 0.5 * (alpha + (alpha + 2.0) * x);

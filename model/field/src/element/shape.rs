@@ -1,8 +1,8 @@
-//! Where the nodes of a triangle lie: straight triangles, and such with bent edges.
+//! Positions of the nodes of a triangle, with straight or curved edges.
 //!
-//! An edge on a curve has its nodes on the curve. Its bend fades into the triangle as
-//! d(s) · λₐλ_b / (s(1 − s)), s = (λ_b − λₐ + 1)/2, which is d(s) on the edge and zero on the
-//! others (Szabó and Babuška's blending).
+//! An edge on a curve has its nodes on the curve. The curvature fades into the triangle as
+//! d(s) · λₐλ_b / (s(1 − s)), s = (λ_b − λₐ + 1)/2, which is d(s) on the edge and zero on the other
+//! edges (Szabó and Babuška's blending).
 
 use super::Basis;
 use super::basis::BasisValues;
@@ -39,19 +39,20 @@ pub fn nodes(mesh: &Mesh, triangle: &Triangle, basis: &Basis) -> Vec<Point> {
     basis.points().map(place).collect()
 }
 
-/// Position and the slopes of the basis functions at a sampled point.
+/// Position and gradients of the basis functions at a sampled point.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Position.
     pub point: Point,
-    /// Twice the ratio of the triangle's area to the unit triangle's there: negative if folded.
+    /// Twice the ratio of the triangle's area to the unit triangle's at this point: negative if
+    /// folded.
     pub jacobian: f64,
-    /// Derivatives of the functions by r and x.
+    /// Derivatives of the functions with respect to r and x.
     pub gradients: Vec<[f64; 2]>,
 }
 
 impl Placed {
-    /// An empty one, to be filled by [`Placed::fill`].
+    /// Creates an empty value for [`Placed::fill`].
     #[must_use]
     pub fn new(basis: &Basis) -> Self {
         Self {
@@ -61,7 +62,7 @@ impl Placed {
         }
     }
 
-    /// Computes everything at a sampled point of the triangle with these nodes.
+    /// Computes all values at a sampled point of the triangle with these nodes.
     pub fn fill(&mut self, nodes: &[Point], sample: &BasisValues) {
         self.point = [0.0; 2];
         let mut m = [[0.0; 2]; 2];

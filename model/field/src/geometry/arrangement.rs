@@ -1,14 +1,14 @@
-//! All paths of a design cut at each other, without those that part nothing.
+//! Arrangement of all paths of a design, cut at each other, without paths that separate no regions.
 
 use super::path::{Path, PathCurve};
 use super::{Point, cross, distance};
 
-/// A piece of a path between two vertices that nothing crosses.
+/// A piece of a path between two vertices, without crossings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// Vertices.
     pub ends: [usize; 2],
-    /// What it runs along.
+    /// Curve of the piece.
     pub curve: PathCurve,
 }
 
@@ -17,12 +17,12 @@ pub struct Piece {
 pub struct Arrangement {
     /// Positions.
     pub vertices: Vec<Point>,
-    /// Pieces, each once.
+    /// Pieces, each listed once.
     pub pieces: Vec<Piece>,
 }
 
 impl Arrangement {
-    /// Cuts paths at each other. Points nearer than `tolerance` become one.
+    /// Cuts paths at each other. Points closer than `tolerance` are merged.
     #[must_use]
     pub fn of(paths: &[Path], tolerance: f64) -> Self {
         let mut arrangement = Self::default();
@@ -78,15 +78,15 @@ impl Arrangement {
         }
     }
 
-    /// The points just beside the middles of all pieces: each face has one of them at least.
+    /// Points just beside the middles of all pieces: every face contains at least one of them.
     #[must_use]
     pub fn points_beside(&self) -> Vec<Point> {
         let pieces = self.pieces.iter();
         pieces.flat_map(|piece| beside(&self.path(piece))).collect()
     }
 
-    /// Keeps the pieces for which `keep` returns true; it gets the path and the points just left and right
-    /// of its middle.
+    /// Keeps the pieces for which `keep` returns true; its arguments are the path and the points
+    /// just left and right of its middle.
     pub fn retain(&mut self, keep: impl Fn(&Path, Point, Point) -> bool) {
         let paths: Vec<Path> = self.pieces.iter().map(|piece| self.path(piece)).collect();
         let mut paths = paths.iter();
@@ -100,7 +100,7 @@ impl Arrangement {
 }
 
 impl Arrangement {
-    /// Joins straight pieces that meet end to end, where nothing else meets them.
+    /// Joins straight pieces that meet end to end at a vertex of no other piece.
     pub fn simplify(&mut self) {
         for vertex in 0..self.vertices.len() {
             let mut meeting = self.pieces.iter().enumerate();
@@ -128,7 +128,7 @@ impl Arrangement {
 }
 
 impl Arrangement {
-    /// Drops the vertices that no piece ends at.
+    /// Removes the vertices at which no piece ends.
     pub fn compact(&mut self) {
         let mut kept = Vec::new();
         let mut number = vec![None; self.vertices.len()];
@@ -152,7 +152,8 @@ impl Arrangement {
 /// Points just beside the middle of a path.
 fn beside(path: &Path) -> [Point; 2] {
     let (a, middle, b) = (path.at(0.499), path.at(0.5), path.at(0.501));
-    // A millionth of the length: far from the next path, far from the rounding of the position.
+    // A millionth of the length: far from the next path, and far above the rounding of the
+    // position.
     let step = 1e-6 * path.chord() / distance(a, b);
     let normal = [-(b[1] - a[1]) * step, (b[0] - a[0]) * step];
     [1.0, -1.0].map(|side| [middle[0] + side * normal[0], middle[1] + side * normal[1]])
@@ -166,7 +167,7 @@ pub(crate) fn boxes_touch(a: &[Point; 2], b: &[Point; 2], tolerance: f64) -> boo
     })
 }
 
-/// The box about a path: its lowest and its highest coordinates.
+/// Bounding box of a path: its lowest and its highest coordinates.
 pub(crate) fn bounds(path: &Path) -> [Point; 2] {
     let mut low = path.from;
     let mut high = path.from;

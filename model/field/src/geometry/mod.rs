@@ -1,5 +1,5 @@
-//! Plane geometry of the half-plane (r, x): outlines, the paths they consist of, and how all paths
-//! of a design cut each other.
+//! Plane geometry of the half-plane (r, x): outlines, their paths, and the crossings of all paths
+//! of a design.
 
 pub mod arrangement;
 pub mod path;
@@ -14,14 +14,14 @@ pub fn distance(a: Point, b: Point) -> f64 {
     length([a[0] - b[0], a[1] - b[1]])
 }
 
-/// Length of a vector. Not by `hypot`: no length or field is near the range's ends, and it takes a tenth of a
-/// whole solution.
+/// Length of a vector. Does not use `hypot`: no length or field is near the limits of the range,
+/// and `hypot` takes a tenth of the time of a whole solution.
 #[must_use]
 pub fn length([a, b]: [f64; 2]) -> f64 {
     (a * a + b * b).sqrt()
 }
 
-/// Twice the signed area of a triangle: positive where it turns left.
+/// Twice the signed area of a triangle: positive if it turns left.
 #[must_use]
 pub fn cross(a: Point, b: Point, c: Point) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,16 +1,16 @@
-//! Straight lines and elliptic arcs, and where they meet.
+//! Straight lines and elliptic arcs, and their intersections.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::{Point, cross, distance};
 
-/// The curve that a path runs along.
+/// Curve of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathCurve {
     /// A straight line.
     Line,
-    /// An ellipse: r = centre_r + semi_r cos t, x = centre_x + semi_x sin t. Between two of its points it
-    /// runs the shorter way, or upwards and downwards about a centre on the axis.
+    /// An ellipse: r = centre_r + semi_r cos t, x = centre_x + semi_x sin t. Between two of its
+    /// points it takes the shorter way, or upwards and downwards about a centre on the axis.
     Ellipse {
         /// Position of the centre.
         centre: Point,
@@ -22,7 +22,7 @@ pub enum PathCurve {
 }
 
 impl PathCurve {
-    /// The point at the angle `t`; none for a line.
+    /// The point at the angle `t`; `None` for a line.
     fn at(&self, t: f64) -> Option<Point> {
         match *self {
             Self::Line => None,
@@ -34,7 +34,7 @@ impl PathCurve {
         }
     }
 
-    /// The angle of a point on it, from −π to π.
+    /// Angle of a point on the curve, from −π to π.
     fn angle(&self, [r, x]: Point) -> f64 {
         match *self {
             Self::Line => 0.0,
@@ -58,7 +58,7 @@ impl PathCurve {
         }
     }
 
-    /// The angle from one point to another, the shorter way.
+    /// Angle from one point to another by the shorter way.
     fn turn(&self, from: Point, to: Point) -> f64 {
         let turn = self.angle(to) - self.angle(from);
         if turn > PI {
@@ -70,7 +70,7 @@ impl PathCurve {
         }
     }
 
-    /// Whether it is the same curve as another: arcs of one circle are computed from different points.
+    /// Whether it equals another curve: arcs of one circle may be computed from different points.
     #[must_use]
     pub fn coincides(&self, other: &Self, tolerance: f64) -> bool {
         match (*self, *other) {
@@ -95,7 +95,7 @@ impl PathCurve {
         }
     }
 
-    /// The point a share `s` of the way from `a` to `b`, both on the curve.
+    /// The point at the share `s` of the way from `a` to `b`, both on the curve.
     #[must_use]
     pub fn between(&self, a: Point, b: Point, s: f64) -> Point {
         match self.at(self.angle(a) + s * self.turn(a, b)) {
@@ -108,11 +108,11 @@ impl PathCurve {
 /// A piece of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// Its curve.
+    /// Curve.
     pub curve: PathCurve,
-    /// Where it begins.
+    /// Start.
     pub from: Point,
-    /// Where it ends.
+    /// End.
     pub to: Point,
 }
 
@@ -127,8 +127,8 @@ impl Path {
         }
     }
 
-    /// The arc of a circle from one point through another to a third, in pieces of a quarter of the circle at most;
-    /// none where the three lie on a line.
+    /// The arc of a circle from one point through another to a third, in pieces of at most a
+    /// quarter of the circle; `None` if the three lie on a line.
     #[must_use]
     pub fn arc_through(from: Point, through: Point, to: Point) -> Option<Vec<Self>> {
         let curve = circle_through(from, through, to)?;
@@ -160,7 +160,7 @@ impl Path {
         (0..count).map(piece).collect()
     }
 
-    /// Its ends, and the points of an arc that are the farthest along r and x.
+    /// The ends, and for an arc its extreme points along r and x.
     #[must_use]
     pub fn extremes(&self) -> Vec<Point> {
         let mut points = vec![self.from, self.to];
@@ -169,7 +169,7 @@ impl Path {
         points
     }
 
-    /// Twice the signed area between it and its chord.
+    /// Twice the signed area between the path and its chord.
     #[must_use]
     pub fn bulge_area(&self) -> f64 {
         match self.curve {
@@ -181,14 +181,14 @@ impl Path {
         }
     }
 
-    /// Whether a point lies between it and its chord.
+    /// Whether a point lies between the path and its chord.
     #[must_use]
     pub fn bulge_contains(&self, point: Point) -> bool {
         let side = |point: Point| cross(self.from, self.to, point) > 0.0;
         self.curve.level(point) < 0.0 && side(point) == side(self.at(0.5))
     }
 
-    /// An arc between two angles. Its ends are exactly on the axis where the angles are ±π/2.
+    /// An arc between two angles. Its ends are exactly on the axis if the angles are ±π/2.
     #[must_use]
     pub fn arc(curve: PathCurve, from: f64, to: f64) -> Self {
         let end = |t: f64| {
@@ -205,23 +205,24 @@ impl Path {
         }
     }
 
-    /// The point a share `s` of the way along.
+    /// The point at the share `s` of the way along the path.
     #[must_use]
     pub fn at(&self, s: f64) -> Point {
         self.curve.between(self.from, self.to, s)
     }
 
-    /// Length of its chord.
+    /// Length of the chord.
     #[must_use]
     pub fn chord(&self) -> f64 {
         distance(self.from, self.to)
     }
 
-    /// Where along this path, from 0 to 1, `other` meets it; `tolerance` is a length.
+    /// Positions along this path, from 0 to 1, at which `other` meets it; `tolerance` is a length.
     #[must_use]
     pub fn meetings(&self, other: &Self, tolerance: f64) -> Vec<f64> {
-        // Where an end lies on the other path it is found as such: curves that touch there tangentially also seem
-        // to cross nearby, by the root of a rounding error.
+        // An end that lies on the other path is found as an end: curves that touch there
+        // tangentially would also seem to cross nearby, at a distance of the root of a rounding
+        // error.
         const SAME: f64 = 1e-6;
         let on = |path: &Self, end: Point| {
             let s = path.share_of(end).clamp(0.0, 1.0);
@@ -244,7 +245,7 @@ impl Path {
         found
     }
 
-    /// The share at which a point on the path lies.
+    /// Position of a point on the path, as a share from 0 to 1.
     #[must_use]
     pub fn share_of(&self, point: Point) -> f64 {
         if self.curve == PathCurve::Line {
@@ -261,7 +262,7 @@ impl Path {
         let e = [other.to[0] - other.from[0], other.to[1] - other.from[1]];
         let between = [other.from[0] - self.from[0], other.from[1] - self.from[1]];
         let turn = d[0] * e[1] - d[1] * e[0];
-        // Parallel lines meet at ends only, which are looked for anyway.
+        // Parallel lines meet at ends only, which are searched separately.
         if turn.abs() <= 1e-12 * self.chord() * other.chord() {
             return Vec::new();
         }
@@ -307,7 +308,7 @@ impl Path {
         (-slack..=1.0 + slack).contains(&self.share_of(point))
     }
 
-    /// Crossings of an arc with anything, by signs along it.
+    /// Crossings of an arc with any path, found by sign changes along it.
     fn arc_with(&self, other: &Self, tolerance: f64) -> Vec<f64> {
         if other.curve == PathCurve::Line {
             let found = other.line_with_ellipse(self, tolerance);
@@ -343,9 +344,10 @@ impl Path {
     }
 }
 
-/// The circle through three points; none where they lie on a line. It does not depend on the arc's sense.
+/// The circle through three points; `None` if they lie on a line. It does not depend on the
+/// direction of the arc.
 fn circle_through(from: Point, through: Point, to: Point) -> Option<PathCurve> {
-    // The sagitta over the chord below which an arc is a line: a hundredth of a micrometre on 10 mm.
+    // Sagitta divided by chord below which an arc is a line: a hundredth of a micrometre on 10 mm.
     const FLAT: f64 = 1e-6;
     let turned = (from[0], from[1]) > (to[0], to[1]);
     let (a, c) = if turned { (to, from) } else { (from, to) };
@@ -383,7 +385,7 @@ mod tests {
                 .map(|path| cross([0.0; 2], path.from, path.to))
                 .sum()
         };
-        // Both together make the whole circle.
+        // Both arcs together are the whole circle.
         let whole = area(&short) + chords(&short) - area(&long) - chords(&long);
         assert!((whole - TAU).abs() < 1e-12, "{whole}");
         for arc in [&short, &long] {

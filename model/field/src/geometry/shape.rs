@@ -5,12 +5,12 @@ use core::f64::consts::{FRAC_PI_2, TAU};
 use super::path::{Path, PathCurve};
 use super::{Point, cross, distance};
 
-/// An outline in the half-plane; revolved about the axis it is a body.
+/// An outline in the half-plane; the body results from revolving it about the axis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A polygon; its last corner is joined to the first.
     Polygon(Vec<Point>),
-    /// Lines and arcs of less than half a circle, end to end; the last ends where the first begins.
+    /// Lines and arcs of less than half a circle, end to end; the last ends where the first starts.
     Outline(Vec<Path>),
     /// A spheroid with its centre on the axis.
     Spheroid {
@@ -32,7 +32,7 @@ impl Shape {
         Self::Polygon(vec![[r0, x0], [r1, x0], [r1, x1], [r0, x1]])
     }
 
-    /// Whether a point lies inside. On the outline it may be either.
+    /// Whether a point lies inside. A point on the outline may give either result.
     #[must_use]
     pub fn contains(&self, [r, x]: Point) -> bool {
         match self {
@@ -46,7 +46,7 @@ impl Shape {
                 inside
             }
             Self::Outline(paths) => {
-                // The polygon of all chords, and what each arc adds to it or takes from it.
+                // The polygon of all chords, plus or minus the area of each arc.
                 let chords = Self::Polygon(paths.iter().map(|path| path.from).collect());
                 let bulges = paths.iter().filter(|path| path.bulge_contains([r, x]));
                 chords.contains([r, x]) != (bulges.count() % 2 == 1)
@@ -59,7 +59,7 @@ impl Shape {
         }
     }
 
-    /// Its outline, without what lies on the axis.
+    /// Paths of the outline, without those on the axis.
     #[must_use]
     pub fn paths(&self) -> Vec<Path> {
         match self {
@@ -92,7 +92,7 @@ impl Shape {
         }
     }
 
-    /// Corners and ends: points that its extent is found from.
+    /// Corners and ends, from which the extent follows.
     #[must_use]
     pub fn extremes(&self) -> Vec<Point> {
         match self {
@@ -114,7 +114,7 @@ impl Shape {
         }
     }
 
-    /// The least distance of the corners of each to the other's outline, m.
+    /// Least distance of the corners of each to the other's outline, m.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
         let mut least = f64::INFINITY;

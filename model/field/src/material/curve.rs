@@ -2,25 +2,27 @@
 
 use super::{MU_0, Reluctivity};
 
-/// Most flux density of a table, T. H is at most this over mu0, 4e6 A/m, since no B rises less than in vacuum.
+/// Largest flux density of a table, T. H is at most this over mu0, 4e6 A/m, since B never rises
+/// less than in vacuum.
 const MOST_B_T: f64 = 5.0;
-/// Most polarisation B − μ₀H, T: iron with a third of cobalt has 2.45 T, more than any other metal at room
-/// temperature (the top of the Slater–Pauling curve).
+/// Largest polarisation B − μ₀H, T: iron with a third of cobalt has 2.45 T, more than any other
+/// metal at room temperature (the top of the Slater–Pauling curve).
 const MOST_J_T: f64 = 2.5;
-/// How many times as steeply as in vacuum B may rise: the greatest permeability that is sold is 1e6 (annealed cobalt
-/// ribbon), and curves rise up to 2.4 times as steeply as their greatest B/H (29 curves of FEMM's library).
+/// Steepest rise of B, in multiples of vacuum's: the greatest permeability on sale is 1e6 (annealed
+/// cobalt ribbon), and curves rise up to 2.4 times as steeply as their greatest B/H (29 curves of
+/// FEMM's library).
 const MOST_MU_R: f64 = 4e6;
-/// How much steeper than in vacuum H may rise between two points: what rounded tables need.
+/// Steepest rise of H between two points, in multiples of vacuum's: rounded tables need a margin.
 const ROUNDED: f64 = 1.01;
-/// Most of a slope at a knot over those of both chords there: up to 3 a cubic rises all the way (de Boor and Swartz),
-/// below that it stands still nowhere.
+/// Largest slope at a knot, in multiples of both chords there: up to 3 a cubic rises everywhere (de
+/// Boor and Swartz), below 3 it also has no horizontal tangent.
 const STEEPEST: f64 = 2.5;
-/// Below this field, T, ν is that at 0.
+/// Field below which ν is that at 0, T.
 const LEAST_T: f64 = 1e-9;
 
-/// A magnetisation curve through given points, odd in B. Between them H is a cubic polynomial of B that rises
-/// all the way (slopes limited as by de Boor and Swartz, J. Approx. Theory 21, 1977); beyond the last one B rises as
-/// in vacuum.
+/// A magnetisation curve through given points, odd in B. Between them H is a monotone cubic
+/// polynomial of B (slopes limited as by de Boor and Swartz, J. Approx. Theory 21, 1977); beyond
+/// the last point B rises as in vacuum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BhCurve {
     knots: Vec<Knot>,
@@ -36,14 +38,14 @@ struct Knot {
     energy_j_per_m3: f64,
 }
 
-/// Why there is no curve through some points.
+/// Reason why points do not define a curve.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CurveError {
-    /// The point at which it is noticed, from 0.
+    /// Index of the point at which the error was found, from 0.
     pub point: usize,
-    /// What is wrong.
+    /// Description of the error.
     pub problem: String,
-    /// What would be right.
+    /// What is allowed.
     pub allowed: String,
 }
 
@@ -58,11 +60,11 @@ impl CurveError {
 }
 
 impl BhCurve {
-    /// The curve through points [H in A/m, B in T]; 0, 0 may be left out.
+    /// Creates a curve through points [H in A/m, B in T]; 0, 0 may be omitted.
     ///
     /// # Errors
-    /// [`CurveError`] for fewer than three points, the origin included, and for points that are not finite, do
-    /// not ascend, or are those of no material.
+    /// [`CurveError`] for fewer than three points, the origin included, and for points that are not
+    /// finite, do not ascend, or belong to no material.
     pub fn through(points: &[[f64; 2]]) -> Result<Self, CurveError> {
         let mut knots = vec![Knot::default()];
         for (index, &[h_a_per_m, b_t]) in points.iter().enumerate() {
@@ -100,7 +102,7 @@ impl BhCurve {
         Ok(Self { knots })
     }
 
-    /// The relative permeability at B = 0.
+    /// Relative permeability at B = 0.
     #[must_use]
     pub fn initial_mu_r(&self) -> f64 {
         1.0 / (MU_0 * self.at(0.0).slope)
@@ -113,7 +115,7 @@ impl BhCurve {
         [last.h_a_per_m, last.b_t]
     }
 
-    /// How many times as steeply as in vacuum B rises between the last two points.
+    /// Rise of B between the last two points, in multiples of vacuum's.
     #[must_use]
     pub fn end_mu_r(&self) -> f64 {
         match self.knots.as_slice() {
@@ -122,7 +124,7 @@ impl BhCurve {
         }
     }
 
-    /// The greatest B/(μ₀H) of the points.
+    /// Greatest B/(μ₀H) of the points.
     #[must_use]
     pub fn greatest_mu_r(&self) -> f64 {
         let rises = self.knots.iter().skip(1);
@@ -172,12 +174,12 @@ impl BhCurve {
     }
 }
 
-/// How many times as steeply as in vacuum B rises from one point to another.
+/// Rise of B from one point to another, in multiples of vacuum's.
 fn rise(from: &Knot, to: &Knot) -> f64 {
     (to.b_t - from.b_t) / (MU_0 * (to.h_a_per_m - from.h_a_per_m))
 }
 
-/// Whether a point may follow another; else what is wrong, and what is allowed.
+/// Checks whether a point may follow another; the error is the problem and what is allowed.
 fn next(last: &Knot, knot: &Knot) -> Result<(), (String, String)> {
     let Knot { h_a_per_m, b_t, .. } = *knot;
     if !h_a_per_m.is_finite() || !b_t.is_finite() {
@@ -210,8 +212,8 @@ fn next(last: &Knot, knot: &Knot) -> Result<(), (String, String)> {
     Ok(())
 }
 
-/// Slopes at the knots: those of parabolas through neighbours, at 0 that of the first chord, lowered to where each
-/// cubic rises all the way.
+/// Slopes at the knots: those of parabolas through neighbours, at 0 that of the first chord,
+/// reduced until each cubic is monotone.
 fn slopes(knots: &[Knot]) -> Vec<f64> {
     let step = |pair: &[Knot]| match pair {
         [a, b] => [b.b_t - a.b_t, (b.h_a_per_m - a.h_a_per_m) / (b.b_t - a.b_t)],
@@ -236,7 +238,8 @@ fn slopes(knots: &[Knot]) -> Vec<f64> {
     slopes
 }
 
-/// Hermite's cubic a share `t` of the way between two knots; the energy from the first where that has none.
+/// Hermite's cubic at the share `t` of the way between two knots; the energy is counted from the
+/// first knot, if it has none.
 fn between(low: &Knot, high: &Knot, t: f64) -> Knot {
     let d = high.b_t - low.b_t;
     let [h0, h1] = [low.h_a_per_m, high.h_a_per_m];
@@ -293,7 +296,7 @@ mod tests {
         assert!((curve.at(3.32).h_a_per_m - 2e5 - 1.0 / MU_0).abs() < 1e-6);
     }
 
-    /// The slope at 0 is that of the first step, however sharp the knee behind it.
+    /// The slope at 0 is that of the first chord, however sharp the following knee.
     #[test]
     fn a_sharp_knee_leaves_the_initial_permeability() {
         let curve = BhCurve::through(&[[20.0, 0.4], [1e5, 0.53]]).expect("a curve");

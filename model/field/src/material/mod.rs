@@ -12,7 +12,7 @@ pub use curve::{BhCurve, CurveError};
 /// 2019 differs by 5·10⁻¹⁰ and is the one that published closed forms use).
 pub const MU_0: f64 = 4e-7 * core::f64::consts::PI;
 
-/// How a material magnetises. All are isotropic and without hysteresis.
+/// Magnetisation law of a material. All are isotropic and without hysteresis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Material {
     /// B = μ₀ μ_r H.
@@ -35,19 +35,19 @@ pub enum Material {
         knee_t: f64,
         /// Exponent n, at least 2.
         exponent: f64,
-        /// Share of the metal across the field, above 0 to 1; the rest is air beside it.
+        /// Share of the metal across the field, above 0 to 1; the rest is air.
         fill: f64,
     },
     /// Soft metal by a table of H and B.
     Table {
         /// The curve through its points.
         curve: Arc<BhCurve>,
-        /// As above.
+        /// Share of the metal across the field, above 0 to 1; the rest is air.
         fill: f64,
     },
 }
 
-/// The reluctivity at a field, and how it grows.
+/// Reluctivity at a field, with its derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reluctivity {
     /// ν = H/B, m/H.
@@ -57,8 +57,8 @@ pub struct Reluctivity {
 }
 
 impl Reluctivity {
-    /// The differential reluctivity dH/dB = ν + (dν/dB) B Bᵀ/|B| at a field, T, as a matrix, m/H. The
-    /// second term vanishes with B for all of our materials.
+    /// Differential reluctivity dH/dB = ν + (dν/dB) B Bᵀ/|B| at a field, T, as a matrix, m/H. The
+    /// second term vanishes at B = 0 for all our materials.
     #[must_use]
     pub fn differential(&self, b_t: [f64; 2]) -> [[f64; 2]; 2] {
         let size = length(b_t);
@@ -72,7 +72,7 @@ impl Reluctivity {
 }
 
 impl Material {
-    /// No material.
+    /// Vacuum.
     pub const VACUUM: Self = Self::Linear { mu_r: 1.0 };
 
     /// Whether ν does not depend on B.
@@ -102,7 +102,7 @@ impl Material {
         }
     }
 
-    /// Soft metal by a curve.
+    /// Soft metal with a curve.
     #[must_use]
     pub fn table(curve: BhCurve) -> Self {
         Self::Table {
@@ -111,9 +111,9 @@ impl Material {
         }
     }
 
-    /// Pieces of this material that stand along the field, with air between: H is the same in
-    /// both, so magnetisations average by the share `fill` of the material. Across the pieces the
-    /// mixture is less permeable than this says.
+    /// Pieces of this material parallel to the field, with air between: H is the same in both, so
+    /// magnetisations average by the share `fill` of the material. Across the pieces the mixture is
+    /// less permeable than this model.
     #[must_use]
     pub fn diluted(&self, fill: f64) -> Self {
         match *self {
@@ -182,7 +182,8 @@ impl Material {
         }
     }
 
-    /// The flux density in the metal at |B| = `b_t`, and the last one of its table, T; none without a table.
+    /// Flux density in the metal at |B| = `b_t`, and the last one of its table, T; `None` without a
+    /// table.
     pub(crate) fn in_table_t(&self, b_t: f64) -> Option<[f64; 2]> {
         let Self::Table { curve, fill } = self else {
             return None;
@@ -191,14 +192,14 @@ impl Material {
         Some([(b_t - air_t) / fill, curve.end()[1]])
     }
 
-    /// Density of the field's energy ∫ H dB from 0 to `b_t`, J/m³.
+    /// Energy density of the field, ∫ H dB from 0 to `b_t`, J/m³.
     #[must_use]
     pub fn energy_j_per_m3(&self, b_t: f64) -> f64 {
         if self.is_linear() {
             return 0.5 * self.reluctivity(b_t).nu * b_t * b_t;
         }
         if let Self::Table { curve, fill } = self {
-            // The material's own, by its polynomials, and that of the air beside it.
+            // The energy of the material, from its polynomials, plus that of the air beside it.
             let air = 1.0 - fill;
             let h = self.reluctivity(b_t).nu * b_t;
             let b_m = (b_t - air * MU_0 * h) / fill;
@@ -232,7 +233,7 @@ fn powder(b_t: f64, chi: f64, saturation: f64) -> Reluctivity {
     let b = b_t / MU_0;
     let q = saturation * (1.0 + chi) - chi * b;
     let root = (q * q + 4.0 * chi * b * saturation).sqrt();
-    // The form of the root that does not cancel has to be chosen by the sign of q.
+    // The sign of q selects the form of the root without cancellation.
     let (nu_r, sum) = if q >= 0.0 {
         (2.0 * saturation / (q + root), q + root)
     } else {
@@ -262,8 +263,8 @@ fn metal(b_t: f64, initial: f64, knee_t: f64, exponent: f64) -> Reluctivity {
     }
 }
 
-/// Material that takes the share `fill` of a plane, beside air. H is the same in both, so that
-/// B = fill B_m + (1 − fill) μ₀ H(B_m): the flux density B_m in the material lies between B and B/fill.
+/// Material with the share `fill` of a plane, beside air. H is the same in both, so B = fill
+/// B_m + (1 − fill) μ₀ H(B_m): the flux density B_m in the material lies between B and B/fill.
 fn beside_air(b_t: f64, fill: f64, material: impl Fn(f64) -> Reluctivity) -> Reluctivity {
     let air = (1.0 - fill) * MU_0;
     if fill >= 1.0 || b_t <= 0.0 {
@@ -280,7 +281,8 @@ fn beside_air(b_t: f64, fill: f64, material: impl Fn(f64) -> Reluctivity) -> Rel
     let (mut low, mut high) = (b_t, b_t / fill);
     let mut b_m = high;
     let mut last_step = high - low;
-    // Newton's steps, and halved intervals where those leave the range or do not become shorter.
+    // Newton's steps; an interval is halved instead if a step leaves the range or does not become
+    // shorter.
     for _ in 0..100 {
         let (h, differential) = state(b_m);
         let excess = fill * b_m + air * h - b_t;
@@ -322,7 +324,7 @@ mod tests {
         fill: 1.0,
     };
 
-    /// Soft metal by a table with few points.
+    /// Soft metal with a table of few points.
     fn steel() -> Material {
         let points = [
             [80.0, 0.3],
@@ -334,7 +336,8 @@ mod tests {
         Material::table(BhCurve::through(&points).expect("a curve"))
     }
 
-    /// Pillars of soft metal carry all flux that their share of the plane does not leave to the air.
+    /// Pillars of soft metal carry the flux that their share of the plane does not leave to the
+    /// air.
     #[test]
     fn soft_metal_is_diluted() {
         for (metal, fill) in [(METAL, 0.05), (METAL, 0.5), (steel(), 0.05), (steel(), 0.5)] {

@@ -10,25 +10,27 @@ use crate::geometry::arrangement::Piece;
 use crate::geometry::path::PathCurve;
 use crate::geometry::{Point, distance};
 
-/// Circumradius over shortest side: 1.3 stands for a least angle of 22.6°, for which Ruppert's
-/// method is known to end on straight lines.
+/// Largest circumradius divided by shortest side: 1.3 corresponds to a smallest angle of 22.6°, for
+/// which Ruppert's method is known to terminate with straight lines.
 const SLENDEREST: f64 = 1.3;
-/// The sides of narrow rectangles are divided into pieces that are at most so many times longer than wide.
+/// Largest ratio of length to width of the pieces into which sides of narrow rectangles are
+/// divided.
 const NARROW_PIECE: f64 = 12.0;
-/// [`SLENDEREST`] in narrow rectangles: a little more than half of such a piece. Refinement halves triangles
-/// and keeps their shape: what a longer one misses shows late, and hardly as a change from mesh to mesh.
+/// [`SLENDEREST`] in narrow rectangles: a little more than half of such a piece. Refinement halves
+/// triangles and keeps their shape: the error of a longer triangle shows late, and hardly as a
+/// change from mesh to mesh.
 const SLENDEREST_IN_NARROW: f64 = 0.55 * NARROW_PIECE;
-/// Circumradius of the largest triangle over the circle's radius, inside and outside. Coarse:
-/// refinement by the error estimate does the rest.
+/// Circumradius of the largest triangle divided by the circle's radius, inside and outside. Coarse,
+/// since refinement by the error estimate follows.
 const LARGEST_INSIDE: f64 = 0.16;
 const LARGEST_OUTSIDE: f64 = 0.4;
-/// Shortest edge over the circle's radius.
+/// Shortest edge divided by the circle's radius.
 const SHORTEST: f64 = 1e-5;
 
-/// Triangulates a design, coarsely.
+/// Triangulates a design coarsely.
 ///
 /// # Errors
-/// [`MeshError`] where lines of the design come too near each other.
+/// [`MeshError`] if lines of the design are too close to each other.
 pub fn build(design: &Design, respected: MeshLines) -> Result<Mesh, MeshError> {
     let plan = MeshPlan::of(design, respected);
     let circle = plan.circle;
@@ -88,7 +90,7 @@ fn arc_of(circle: &Circle) -> PathCurve {
     }
 }
 
-/// The spaces between neighbouring rings of a coil, narrow as the copper is.
+/// The spaces between neighbouring rings of a coil, as narrow as the copper.
 fn gaps(design: &Design) -> Vec<Rectangle> {
     let mut gaps = Vec::new();
     for coil in &design.coils {
@@ -108,7 +110,7 @@ fn gaps(design: &Design) -> Vec<Rectangle> {
 
 type Lines = (Vec<Point>, BTreeMap<[u32; 2], KeptSegment>);
 
-/// The plan's pieces, the sides of narrow rectangles divided.
+/// The plan's pieces, with the sides of narrow rectangles divided.
 fn lines(plan: &MeshPlan) -> Lines {
     let mut vertices = plan.arrangement.vertices.clone();
     for section in &plan.narrow {
@@ -136,7 +138,7 @@ fn lines(plan: &MeshPlan) -> Lines {
     (vertices, segments)
 }
 
-/// The vertices along a piece, its ends included.
+/// The vertices along a piece, including its ends.
 fn stops(plan: &MeshPlan, piece: &Piece, vertices: &mut Vec<Point>) -> Vec<usize> {
     let [from, to] = piece.ends;
     let path = plan.arrangement.path(piece);
@@ -158,8 +160,8 @@ fn stops(plan: &MeshPlan, piece: &Piece, vertices: &mut Vec<Point>) -> Vec<usize
     [from].into_iter().chain(between).chain([to]).collect()
 }
 
-/// Points on both long sides of a narrow rectangle, opposite each other: beside every vertex on either, and
-/// between.
+/// Points on both long sides of a narrow rectangle, opposite each other: beside every vertex on
+/// either side, and between them.
 fn divide(section: &Rectangle, vertices: &[Point], slack: f64) -> Vec<Point> {
     let lying = section.r_m[1] - section.r_m[0] > section.x_m[1] - section.x_m[0];
     let (long, short) = if lying {
@@ -194,15 +196,15 @@ fn divide(section: &Rectangle, vertices: &[Point], slack: f64) -> Vec<Point> {
     across.collect()
 }
 
-/// Whether another piece has the same ends, as the axis and the half-circle of a sphere: two vertices have one
-/// line between them.
+/// Whether another piece has the same ends, as the axis and the half-circle of a sphere: two
+/// vertices can have one line only between them.
 fn has_chord(plan: &MeshPlan, piece: &Piece) -> bool {
     let others = plan.arrangement.pieces.iter();
     let mut alike = others.filter(|other| other.ends == piece.ends);
     alike.any(|other| other.curve != piece.curve)
 }
 
-/// Adds the inside's triangles with their regions.
+/// Adds the triangles of the inside with their regions.
 fn fill(mesh: &mut Mesh, design: &Design, inside: &MeshTriangulation) {
     let mut known: HashMap<Region, u32> = HashMap::new();
     for &vertices in &inside.triangles {
@@ -222,20 +224,20 @@ fn fill(mesh: &mut Mesh, design: &Design, inside: &MeshTriangulation) {
     mesh.orient();
 }
 
-/// The middle of a triangle, moved with its bent sides.
+/// The middle of a triangle, displaced with its curved sides.
 fn bent_middle(mesh: &Mesh, [a, b, c]: [u32; 3], mut middle: Point) -> Point {
     for [from, to] in [[a, b], [b, c], [c, a]] {
         let (p, q) = (mesh.position(from), mesh.position(to));
         let on_curve = mesh.curve([from, to]).between(p, q, 0.5);
         for axis in 0..2 {
-            // Share of an edge's bend that reaches the middle; see `element::geometry`.
+            // Share of an edge's curvature that reaches the middle; see `element::shape`.
             middle[axis] += 4.0 / 9.0 * (on_curve[axis] - 0.5 * (p[axis] + q[axis]));
         }
     }
     middle
 }
 
-/// Triangulates the exterior's half-disc upon the vertices of the arc.
+/// Triangulates the exterior's half-disc from the vertices of the arc.
 fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
     let circle = mesh.circle;
     let curve = arc_of(&circle);

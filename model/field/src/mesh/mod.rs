@@ -1,8 +1,8 @@
-//! Triangulations of the half-plane, with the exterior folded in.
+//! Triangulations of the half-plane, including the exterior.
 //!
-//! Inside a half-disc of radius R about the design, triangles lie where they are. All of space
-//! beyond is a second half-disc of the same size, its centre standing for infinity: a point at the
-//! distance ρ from the centre is drawn at R²/ρ. Both share the arc's vertices.
+//! Inside a half-disc of radius R about the design, triangles are at their true positions. The
+//! space outside is a second half-disc of the same size, with infinity at its centre: a point at
+//! the distance ρ from the centre is mapped to R²/ρ. Both share the arc's vertices.
 
 mod domain;
 mod plan;
@@ -18,25 +18,26 @@ pub use plan::{MeshLines, Region, Zone};
 use crate::geometry::Point;
 use crate::geometry::path::PathCurve;
 
-/// About corners of permeable parts the field is singular: nearer than this no accuracy is stated, m.
+/// Distance from corners of permeable parts below which no accuracy is stated, m: the field is
+/// singular there.
 pub const CORNER_M: f64 = 1e-4;
 
 /// A triangulation.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Positions; those of the exterior in its own drawing.
+    /// Positions; in the exterior the mapped ones.
     pub vertices: Vec<Point>,
     /// Triangles.
     pub triangles: Vec<Triangle>,
-    /// Edges that are bent, by their vertices in ascending order.
+    /// Curved edges, by their vertices in ascending order.
     pub bent: HashMap<[u32; 2], PathCurve>,
-    /// Edges on the arc that inside and outside share, ascending vertices.
+    /// Edges on the arc between inside and outside, with vertices in ascending order.
     pub arc: Vec<[u32; 2]>,
-    /// Vertices at which permeable parts have corners: the field is singular there.
+    /// Vertices at corners of permeable parts, where the field is singular.
     pub corners: Vec<u32>,
-    /// The circle in which everything lies.
+    /// The circle that contains all parts.
     pub circle: Circle,
-    /// What the triangles belong to.
+    /// Regions of the triangles.
     pub regions: Vec<Region>,
 }
 
@@ -60,14 +61,14 @@ impl Circle {
 /// A triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {
-    /// Vertices, turning left. The edge from the first to the second is halved next.
+    /// Vertices in counterclockwise order. The edge from the first to the second is halved next.
     pub vertices: [u32; 3],
     /// Index into [`Mesh::regions`].
     pub region: u32,
 }
 
 impl Triangle {
-    /// Its edges, each from a vertex to the next.
+    /// The edges, each from a vertex to the next.
     #[must_use]
     pub fn edges(&self) -> [[u32; 2]; 3] {
         let [a, b, c] = self.vertices;
@@ -104,7 +105,7 @@ impl Mesh {
         region.copied().unwrap_or(Region::EXTERIOR)
     }
 
-    /// The curve of an edge; a straight line for most.
+    /// Curve of an edge; usually a straight line.
     #[must_use]
     pub fn curve(&self, edge: [u32; 2]) -> PathCurve {
         self.bent
@@ -114,7 +115,7 @@ impl Mesh {
     }
 }
 
-/// Why no triangulation could be made.
+/// Reason why triangulation failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshError(pub String);
 

@@ -1,4 +1,4 @@
-//! What belongs where, and the lines that part it.
+//! Regions of a design, and the lines that separate them.
 
 use super::Circle;
 use crate::design::{Design, Rectangle};
@@ -7,30 +7,30 @@ use crate::geometry::arrangement::{Arrangement, Piece};
 use crate::geometry::path::{Path, PathCurve};
 use crate::geometry::shape::Shape;
 
-/// Positions nearer than this are one, relative to the design's radius.
+/// Distance below which positions are merged, relative to the design's radius.
 const TOLERANCE: f64 = 1e-9;
 
-/// What a triangle belongs to.
+/// Region of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Region {
-    /// Whether it stands for the space outside of the circle.
+    /// Whether it belongs to the space outside of the circle.
     pub exterior: bool,
-    /// Index of the part in the design; none for what is not magnetic.
+    /// Index of the part in the design; `None` for non-magnetic regions.
     pub part: Option<u32>,
-    /// Coil and ring.
+    /// Index of the coil and of its ring.
     pub ring: Option<[u32; 2]>,
-    /// How deep in the core.
+    /// Zone of the core.
     pub zone: Zone,
     /// Whether it lies between the halves of the stack, at any distance from the axis.
     pub parting: bool,
 }
 
-/// Shells of the core, by radius.
+/// Zones of the core, by radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Zone {
     /// Outside of the core.
     None,
-    /// In the core, beyond three quarters of its radius.
+    /// In the core, outside three quarters of its radius.
     Whole,
     /// From half to three quarters of its radius.
     ThreeQuarters,
@@ -39,7 +39,7 @@ pub enum Zone {
 }
 
 impl Zone {
-    /// The shells with their share of the core's radius.
+    /// The zones with their share of the core's radius.
     pub const SHARES: [(Self, f64); 3] = [
         (Self::Whole, 1.0),
         (Self::ThreeQuarters, 0.75),
@@ -57,7 +57,7 @@ impl Region {
         parting: false,
     };
 
-    /// What a point of the design belongs to.
+    /// Region of a point of the design.
     #[must_use]
     pub fn at(design: &Design, circle: &Circle, point: Point) -> Self {
         if point[0] < 0.0 || circle.distance(point) > circle.radius {
@@ -110,16 +110,16 @@ fn zone_at(design: &Design, [r, x]: Point) -> Zone {
     found.map_or(Zone::None, |(zone, _)| *zone)
 }
 
-/// What a triangulation respects besides boards, windings and parts.
+/// Lines that a triangulation follows in addition to boards, windings and parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshLines {
-    /// The lines by which the core is judged.
+    /// The boundaries of the core and its zones.
     WithCore,
-    /// Nothing: in a wide design they cost many triangles.
+    /// None: in a wide design they cost many triangles.
     PartsAlone,
 }
 
-/// Everything that a triangulation has to respect.
+/// Lines that a triangulation has to follow.
 #[derive(Debug)]
 pub(super) struct MeshPlan {
     pub(super) circle: Circle,
@@ -155,14 +155,14 @@ impl MeshPlan {
         }
     }
 
-    /// Points nearer than this are one, m.
+    /// Distance below which points are merged, m.
     pub(super) fn slack(&self) -> f64 {
         4.0 * self.tolerance
     }
 }
 
-/// The exterior is exact at any radius. It costs least where the circle leaves the outermost
-/// corner about as much room as a triangle takes.
+/// The exterior is exact at any radius. It costs least if the circle leaves about the size of a
+/// triangle around the outermost corner.
 const ROOM: f64 = 1.2;
 
 fn circle_about(design: &Design) -> Circle {
@@ -221,7 +221,7 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
     paths
 }
 
-/// The lines by which the core is judged: its shells, and the parting of the stack for the force.
+/// The lines of the core: its zones, and the parting of the stack for the force.
 fn core_paths(design: &Design, circle: &Circle) -> Vec<Path> {
     let core = &design.core;
     let shells = Zone::SHARES
@@ -234,7 +234,7 @@ fn core_paths(design: &Design, circle: &Circle) -> Vec<Path> {
     shells.chain(parting).collect()
 }
 
-/// A rectangle is narrow where its sides differ by so much.
+/// Ratio of the sides from which on a rectangle is narrow.
 const NARROW: f64 = 4.0;
 
 fn narrow(design: &Design) -> Vec<Rectangle> {
@@ -271,8 +271,9 @@ fn as_rectangle(corners: &[Point]) -> Option<Rectangle> {
     })
 }
 
-/// Vertices at which the line between two permeabilities or remanences turns or branches. On the axis it goes on as
-/// its mirror image: it turns where it does not meet the axis at a right angle, as at a cone's tip.
+/// Vertices at which the line between two permeabilities or remanences turns or branches. On the
+/// axis the line continues as its mirror image, so it turns if it does not meet the axis at a right
+/// angle, as at a cone's tip.
 fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<usize> {
     let law = |point: Point| {
         let region = Region::at(design, circle, point);
@@ -315,7 +316,7 @@ fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<u
         .collect()
 }
 
-/// The direction in which a path leaves one of its ends.
+/// Direction in which a path leaves one of its ends.
 fn direction(path: &Path, end: Point) -> Point {
     let near = if path.from == end {
         path.at(0.001)

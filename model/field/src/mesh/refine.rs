@@ -1,7 +1,7 @@
-//! Newest-vertex bisection: triangles are halved, neighbours follow so that edges match.
+//! Newest-vertex bisection: halves triangles, and neighbours so that edges match.
 //!
-//! Only finitely many shapes arise from each first triangle, so that angles stay bounded however
-//! often it is halved.
+//! Only finitely many shapes arise from each first triangle, so angles stay bounded however often
+//! it is halved.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use super::{Mesh, Triangle, ascending};
 use crate::geometry::distance;
 
 impl Mesh {
-    /// Turns every triangle to the left, its longest edge first.
+    /// Turns every triangle counterclockwise, with its longest edge first.
     pub(super) fn orient(&mut self) {
         self.orient_from(0);
     }
@@ -35,8 +35,8 @@ impl Mesh {
         }
     }
 
-    /// Halves the marked triangles, and as many more as it takes for edges to match. Returns, for
-    /// each new triangle, the index of the old one that it is a part of.
+    /// Halves the marked triangles, and others until edges match. Returns, for each new triangle,
+    /// the index of the old triangle that contains it.
     pub fn refine(&mut self, marked: &[bool]) -> Vec<usize> {
         let mut middles = self.edges_to_halve(marked);
         let mut edges: Vec<[u32; 2]> = middles.keys().copied().collect();
@@ -55,7 +55,8 @@ impl Mesh {
         parents
     }
 
-    /// An edge may be halved only together with the first edge of each triangle it belongs to.
+    /// Edges to halve: an edge may be halved only together with the first edge of each of its
+    /// triangles.
     fn edges_to_halve(&self, marked: &[bool]) -> HashMap<[u32; 2], u32> {
         let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
         for (triangle, &marked) in self.triangles.iter().zip(marked) {
@@ -119,7 +120,7 @@ impl Mesh {
     }
 }
 
-/// Halves a triangle whose first edge has a middle; its parts may be halved once more.
+/// Halves a triangle whose first edge has a middle; its halves may be halved again.
 fn halve(triangle: &Triangle, middles: &HashMap<[u32; 2], u32>, out: &mut Vec<Triangle>) {
     let [a, b, c] = triangle.vertices;
     match middles.get(&ascending([a, b])) {

@@ -1,7 +1,7 @@
-//! Delaunay refinement after Ruppert, by spade's constrained triangulation.
+//! Delaunay refinement after Ruppert, with spade's constrained triangulation.
 //!
-//! Triangles with a small angle, or too large, get their circumcentre as a new vertex; where that
-//! would come too near a line, the line is halved instead, along its curve.
+//! Triangles with a small angle, and too large ones, get their circumcentre as a new vertex; if
+//! that would be too close to a line, the line is halved instead, along its curve.
 
 use std::collections::BTreeMap;
 
@@ -17,27 +17,27 @@ use crate::geometry::{Point, distance};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct KeptSegment {
     pub(super) curve: PathCurve,
-    /// It may not be divided any further.
+    /// Whether it must not be divided further.
     pub(super) fixed: bool,
 }
 
-/// What triangles are good enough.
+/// Requirements on triangles.
 pub(super) struct Wish<'w> {
-    /// Greatest circumradius about a place.
+    /// Largest circumradius at a position.
     pub(super) size: &'w dyn Fn(Point) -> f64,
-    /// Greatest circumradius over shortest side about a place.
+    /// Largest ratio of circumradius to shortest side at a position.
     pub(super) slenderest: &'w dyn Fn(Point) -> f64,
-    /// Nothing is made shorter than this.
+    /// Length below which nothing is divided.
     pub(super) shortest: f64,
 }
 
-/// Each sweep halves what is too large; a graded domain needs about 12.
+/// Largest number of sweeps. Each halves what is too large; a graded domain needs about 12.
 const MOST_SWEEPS: usize = 60;
-/// More vertices than a first triangulation has that can be solved on: twice as many triangles have
-/// nine times as many cubic unknowns. The built-in designs take a hundredth.
+/// Largest number of vertices of a first triangulation that can be solved: twice as many triangles
+/// have nine times as many cubic unknowns. The built-in designs need a hundredth.
 const MOST_VERTICES: usize = 40_000;
 
-/// Vertices, triangles and the lines that were kept.
+/// Vertices, triangles and the lines that were followed.
 pub(super) struct MeshTriangulation {
     pub(super) vertices: Vec<Point>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -70,8 +70,8 @@ pub(super) fn triangulate(
     Ok(work.finish())
 }
 
-/// Halves arcs until the chord of each stands for it: it is nearly as flat, and nothing lies between
-/// the two.
+/// Halves arcs until each can be replaced by its chord: it is nearly flat, and no vertex lies
+/// between the two.
 fn straighten(
     mut vertices: Vec<Point>,
     mut segments: BTreeMap<[u32; 2], KeptSegment>,
@@ -88,7 +88,7 @@ fn straighten(
             }
             let number = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
             vertices.push(arc.middle);
-            // The newest vertex has the greatest number: the ends are in order.
+            // The newest vertex has the greatest number, so the ends are in order.
             halved.extend(ends.map(|end| ([end, number], segment)));
         }
         if vertices.len() == before {
@@ -113,21 +113,22 @@ impl Arc {
         }
     }
 
-    /// Half of it is no longer than that, m.
+    /// Whether half of it is at most `shortest` long, m.
     fn is_shorter(&self, shortest: f64) -> bool {
         distance(self.ends[0], self.middle) <= shortest
     }
 
-    /// The chord stands for it.
+    /// Whether the chord can replace it.
     fn is_straight(&self, vertices: &[Point]) -> bool {
-        // Sagitta over chord: 0.05 is an arc of 23 degrees.
+        // Sagitta divided by chord: 0.05 is an arc of 23 degrees.
         const FLAT: f64 = 0.05;
-        // What no coordinate in metres resolves.
+        // Below the resolution of coordinates in metres.
         const STRAIGHT: f64 = 1e-12;
         let [a, b] = self.ends;
         let foot = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
         let sagitta = distance(self.middle, foot) / distance(a, b);
-        // Where the tangents at its ends meet: the arc lies in the triangle of the three.
+        // Intersection of the tangents at its ends: the arc lies in the triangle of the three
+        // points.
         let tip = [0, 1].map(|axis| 2.0 * self.middle[axis] - foot[axis]);
         sagitta <= STRAIGHT
             || (sagitta <= FLAT
@@ -194,7 +195,8 @@ impl Work {
         Ok(())
     }
 
-    /// A curve that touches a line without crossing it leaves a gap that ends in an angle of nothing.
+    /// Error for a curve that touches a line without crossing it: the gap between them ends in an
+    /// angle of zero.
     fn touching(&self, a: u32, b: u32) -> MeshError {
         let [r_mm, x_mm] = [0, 1].map(|axis| 500.0 * (self.at(a)[axis] + self.at(b)[axis]));
         MeshError(format!(
@@ -216,7 +218,7 @@ impl Work {
         self.keep([middle, b], segment)
     }
 
-    /// Improves every triangle that is bad now; tells how many changes were made.
+    /// Improves every triangle that is bad at the start; returns the number of changes.
     fn sweep(&mut self, wish: &Wish<'_>) -> Result<usize, MeshError> {
         let bad: Vec<[u32; 3]> = self
             .triangles()
@@ -270,7 +272,8 @@ impl Work {
         Ok(true)
     }
 
-    /// The line nearest to `from` between it and `to`, or one in whose circle `to` lies.
+    /// The line between `from` and `to` that is nearest to `from`, or else one with `to` in its
+    /// circle.
     fn in_the_way(&self, from: Point, to: Point) -> Option<[u32; 2]> {
         let mut crossed: Option<([u32; 2], f64)> = None;
         let mut encroached = None;
@@ -279,7 +282,7 @@ impl Work {
         for &ends in self.segments.keys() {
             let [a, b] = ends.map(|end| self.at(end));
             let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-            // Most lines are far from both: without a root it takes a tenth of the time.
+            // Most lines are far from both: without a square root this takes a tenth of the time.
             let (half, apart) = (0.25 * square(a, b), square(to, middle));
             if apart > 2.0 * (half + reach) {
                 continue;

@@ -1,4 +1,4 @@
-//! Solve, estimate, refine, until the figures stand still.
+//! Adaptive solution: solve, estimate and refine until the figures settle.
 
 use super::assembly::Level;
 use super::evaluate::{invert, value_at};
@@ -12,19 +12,19 @@ use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
 use crate::mesh;
 
-/// How accurate a solution is to be.
+/// Requested accuracy of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// Estimated relative error of centre and core mean at which refinement ends.
     pub relative: f64,
     /// Order of the elements, 2 to 5.
     pub order: u32,
-    /// Refinement ends at so many unknowns in any case.
+    /// Number of unknowns at which refinement ends in any case.
     pub most_unknowns: usize,
 }
 
 impl Default for Accuracy {
-    /// 10⁻⁴ by cubic elements; see the benchmark in docs/field.md for the choice of the order.
+    /// 10⁻⁴ with cubic elements; see the benchmark in docs/field.md for the choice of the order.
     fn default() -> Self {
         Self {
             relative: 1e-4,
@@ -34,18 +34,18 @@ impl Default for Accuracy {
     }
 }
 
-/// How a solution came about.
+/// Report on a solution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolveReport {
-    /// Unknowns on the last mesh.
+    /// Number of unknowns on the last mesh.
     pub unknowns: usize,
-    /// Meshes that were solved on.
+    /// Number of meshes.
     pub levels: usize,
     /// Linear solves on the last mesh.
     pub newton_iterations: usize,
     /// Linear solves on all meshes.
     pub linear_solves: usize,
-    /// Whether the accuracy that was asked for is reached; otherwise refinement ended at
+    /// Whether the requested accuracy is reached; otherwise refinement ended at
     /// [`Accuracy::most_unknowns`].
     pub reached: bool,
 }
@@ -57,19 +57,20 @@ pub struct Solved {
     pub level: Level,
     /// Coefficients of A_φ/r, T.
     pub w: Vec<f64>,
-    /// What was driven.
+    /// Excitation.
     pub excitation: Excitation,
     /// Figures of merit.
     pub figures: Figures,
     /// Estimated absolute error of each figure.
     pub errors: Figures,
-    /// How it came about.
+    /// Report on the solution.
     pub report: SolveReport,
 }
 
 impl Solved {
-    /// The greater of the estimated relative errors of centre and core mean. The centre's is relative
-    /// to at least half of the core's mean: opposed coils have no field there.
+    /// The greater of the estimated relative errors of centre and core mean. The error of the
+    /// centre is relative to at least half of the core's mean, since opposed coils have no field
+    /// there.
     #[must_use]
     pub fn relative_error(&self) -> f64 {
         let centre = self.errors.centre_t / centre_size(&self.figures);
@@ -81,17 +82,18 @@ impl Solved {
 const SHARE: f64 = 0.6;
 /// Size of the triangles at singular corners on the first mesh, relative to the circle's radius.
 const CORNER_SIZE: f64 = 0.004;
-/// Newton's last step over the accuracy that is asked for.
+/// Newton's last step divided by the requested accuracy.
 const LAST_STEP: f64 = 0.1;
-/// Triangles are halved for the greatest field in the plates until this much work, unknowns times linear solves, was
-/// done since the figures settled (5 s), or as much as before. The built-in designs need up to 4.3e5. Behind a knee
-/// from a permeability of 6e5 to that of vacuum a hundred meshes do not find it; its estimated error says so.
+/// Work, in unknowns times linear solves, after which triangles are no longer halved for the
+/// greatest field in the plates: this much since the figures settled (5 s), or as much as before.
+/// The built-in designs need up to 4.3e5. Behind a knee from a permeability of 6e5 to that of
+/// vacuum a hundred meshes do not find it; its estimated error shows that.
 const FOR_PLATES: usize = 500_000;
 
 /// Solves a design.
 ///
 /// # Errors
-/// [`SolveError`] where the design cannot be triangulated or the field does not settle.
+/// [`SolveError`] if the design cannot be triangulated or the field does not settle.
 pub fn solve(
     design: &Design,
     excitation: &Excitation,
@@ -105,7 +107,7 @@ pub fn solve(
     let mut changes: Option<Figures> = None;
     let mut levels = 0;
     let mut linear_solves = 0;
-    // Unknowns times linear solves: until the figures settled, and on meshes that were refined locally since.
+    // Unknowns times linear solves: until the figures settled, and on locally refined meshes since.
     let (mut work, mut local_work) = (0, 0);
     let mut refined_locally = false;
     let mut last_profile: Vec<f64> = Vec::new();
@@ -143,7 +145,7 @@ pub fn solve(
             .as_ref()
             .map(|last| estimate(profiled.change_from(last), &figures, changes));
         changes = match (changes, estimated) {
-            // Where only a few triangles were refined, little change says little.
+            // If only a few triangles were refined, a small change means little.
             (Some(before), Some(now)) if refined_locally => Some(now.greater_of(&before)),
             (_, now) => now,
         };
@@ -218,7 +220,7 @@ pub fn solve(
 /// Solves on one mesh as it is: for convergence studies.
 ///
 /// # Errors
-/// As [`solve`].
+/// As for [`solve`].
 pub fn solve_on(
     design: &Design,
     mesh: mesh::Mesh,
@@ -231,7 +233,7 @@ pub fn solve_on(
     Ok((level, balanced.w))
 }
 
-/// A solution on a finer mesh, by its values at the new nodes.
+/// Transfers a solution to a finer mesh, by its values at the new nodes.
 pub(super) fn transfer(old: &Space, w: &[f64], new: &Space, parents: &[usize]) -> Vec<f64> {
     let mut transferred = vec![0.0; new.count];
     for ((unknowns, nodes), &parent) in new.unknowns.iter().zip(&new.nodes).zip(parents) {

@@ -10,7 +10,7 @@ use crate::geometry::{Point, length};
 use crate::material::{MU_0, Material};
 use crate::mesh::{Region, ascending};
 
-/// What is solved on one mesh: the space, the materials of its regions and the currents in them.
+/// The problem on one mesh: the space, the materials of its regions and the currents in them.
 #[derive(Debug)]
 pub struct Level {
     /// The unknowns.
@@ -19,21 +19,21 @@ pub struct Level {
     pub materials: Vec<Material>,
     /// Remanence of each region along the axis, T; 0 for all but magnets.
     pub remanences_t: Vec<f64>,
-    /// Turns per area times the coil's current, A/m², of each region.
+    /// Current density of each region, A/m²: turns per area times the coil's current.
     pub currents_a_per_m2: Vec<f64>,
-    /// The uniform field in which everything stands, T.
+    /// Uniform background field, T.
     pub background_t: f64,
 }
 
-/// What a triangle contributes: residual and the lower half of the tangent, row by row; that is empty where it
-/// is not asked for.
+/// Contribution of a triangle: residual, and the lower half of the tangent, row by row; the tangent
+/// is empty if not requested.
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,
 }
 
 impl Local {
-    /// Of a triangle with so many unknowns.
+    /// Creates the contribution of a triangle with `size` unknowns.
     pub(super) fn new(size: usize, tangent: bool) -> Self {
         Self {
             residual: vec![0.0; size],
@@ -41,7 +41,7 @@ impl Local {
         }
     }
 
-    /// The residual at `w`, of this one at rest and a tangent that does not depend on the field.
+    /// Residual at `w`, from the residual at rest and a tangent that does not depend on the field.
     pub(super) fn residual_at(&self, unknowns: &[u32], w: &[f64], residual: &mut Vec<f64>) {
         residual.clone_from(&self.residual);
         let value = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
@@ -66,13 +66,13 @@ impl Local {
 pub struct At<'p> {
     /// Position.
     pub point: Point,
-    /// Weight of the area dr dx; multiply by 2π r for volume.
+    /// Weight of the area dr dx; multiply by 2π r for the volume.
     pub weight: f64,
     /// B_r and B_x, T.
     pub b: [f64; 2],
     /// A_φ/r without the background's share, T.
     pub w: f64,
-    /// What the place belongs to.
+    /// Region of the point.
     pub region: &'p Region,
     /// Index of the region.
     pub index: usize,
@@ -81,7 +81,7 @@ pub struct At<'p> {
 }
 
 impl Level {
-    /// The materials and currents of a design on a space.
+    /// Collects the materials and currents of a design on a space.
     #[must_use]
     pub fn new(design: &Design, space: Space, excitation: &Excitation) -> Self {
         let material = |region: &Region| {
@@ -114,8 +114,8 @@ impl Level {
         }
     }
 
-    /// The material of a region, and what of a field there exceeds the remanence, T: H = ν (B − B_r), so that
-    /// a material's law holds for this difference.
+    /// The material of a region, and the field there in excess of the remanence, T: H = ν
+    /// (B − B_r), so the material's law applies to this difference.
     pub(crate) fn law_at(&self, region: usize, b: [f64; 2]) -> (&Material, [f64; 2]) {
         let material = self.materials.get(region).unwrap_or(&Material::VACUUM);
         let remanence_t = self.remanences_t.get(region).copied().unwrap_or(0.0);
@@ -155,7 +155,7 @@ impl Level {
         }
     }
 
-    /// Residual and tangent of one triangle at the state `w`.
+    /// Computes residual and tangent of one triangle at the state `w`.
     pub(super) fn local(&self, index: usize, w: &[f64], placed: &mut Placed, out: &mut Local) {
         let (Some(triangle), Some(nodes), Some(unknowns)) = (
             self.space.mesh.triangles.get(index),
@@ -197,7 +197,7 @@ impl Level {
             ];
             let (material, excess) = self.law_at(region, b);
             let law = material.reluctivity(length(excess));
-            // The background is a field of its own, curl-free: only what exceeds ν₀B₀ drives.
+            // The background is a curl-free field of its own: only the excess over ν₀B₀ drives.
             let h = [
                 law.nu * excess[0],
                 law.nu * excess[1] - self.background_t / MU_0,
@@ -250,7 +250,7 @@ impl Level {
     }
 }
 
-/// The point a share `t` of the way along a side.
+/// The point at the share `t` of a side.
 pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
     let mut at = [0.0; 3];
     at[side] = 1.0 - t;
@@ -258,9 +258,9 @@ pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
     at
 }
 
-/// Position on a side, and how it moves per share of the side.
+/// Position on a side, and its derivative with respect to the share of the side.
 pub(super) fn along(nodes: &[Point], sample: &BasisValues, side: usize) -> (Point, [f64; 2]) {
-    // The second and third barycentric coordinates change along the three sides by these.
+    // Changes of the second and third barycentric coordinates along the three sides.
     let by = [[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]][side];
     let mut point = [0.0; 2];
     let mut tangent = [0.0; 2];

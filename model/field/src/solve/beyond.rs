@@ -1,24 +1,24 @@
-//! Fields beyond the tables of their materials.
+//! Detection of fields beyond the tables of their materials.
 
 use super::adapt::Solved;
 use super::evaluate::Locator;
 use crate::design::Design;
 use crate::plates;
 
-/// A part in which the field leaves the table of its material.
+/// A part whose field exceeds the table of its material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeyondTable {
     /// Index of the part.
     pub part: usize,
-    /// Greatest |B| in its metal, farther than 0.1 mm from corners, T.
+    /// Greatest |B| in its metal, at least 0.1 mm from corners, T.
     pub greatest_t: f64,
-    /// Last B of the table, T; beyond it B rises as in vacuum.
+    /// Last B of the table, T; above it B rises as in vacuum.
     pub ends_t: f64,
 }
 
 impl Solved {
-    /// The parts in which the field leaves the table of their material; none of a field per ampere, far below
-    /// saturation.
+    /// The parts whose field exceeds the table of their material; none for a field per ampere,
+    /// which is far below saturation.
     #[must_use]
     pub fn beyond_tables(&self, design: &Design) -> Vec<BeyondTable> {
         if !self.excitation.saturating {

@@ -1,78 +1,81 @@
 //! Cholesky factor of a matrix that is a sum over elements, by nested dissection of the mesh.
 //!
-//! The elements are halved by position, along the axis that cuts fewer of them, until few are left. Of each set, the unknowns that no other
-//! element shares are eliminated in a dense matrix, its front; what stays is a dense matrix on the
-//! boundary of the set, and goes into the front of the two halves' union. This is the multifrontal
-//! method of Duff and Reid (1983) in the order of George (1973): of n unknowns in a plane, the
-//! factor has O(n log n) entries and takes O(n^1.5) multiplications, the least that is possible.
+//! The elements are halved by position, along the axis that cuts fewer of them, until few are left.
+//! In each set, the unknowns that no other element shares are eliminated in a dense matrix, its
+//! front; a dense matrix on the boundary of the set remains, and is added to the front of the two
+//! halves' union. This is the multifrontal method of Duff and Reid (1983) in the order of George
+//! (1973): for n unknowns in a plane, the factor has O(n log n) entries and takes O(n^1.5)
+//! multiplications, the least possible.
 //!
 //! The matrix is real and positive definite, or complex and symmetric with real and imaginary parts
-//! that are positive semidefinite and definite together. Such a matrix needs no pivoting either: its
-//! entries grow by less than 3 (Higham, Math. Comp. 67, 1591, 1998).
+//! that are positive semidefinite and whose sum is definite. Such a matrix needs no pivoting
+//! either: its entries grow by less than 3 (Higham, Math. Comp. 67, 1591, 1998).
 
 use super::scalar::Scalar;
 use crate::geometry::Point;
 
-/// Elements in a set that is not halved.
+/// Largest number of elements in a set that is not halved.
 const LEAF: usize = 4;
-/// A larger set is halved along that axis along which its halves share fewer unknowns, a smaller one along
-/// its longer side: of many small triangles in a row, the median along the shorter side cuts them all.
+/// Set size above which a set is halved along the axis along which its halves share fewer unknowns;
+/// a smaller set is halved along its longer side. With many small triangles in a row, the median
+/// along the shorter side cuts them all.
 const JUDGED: usize = 32;
 
-/// An element: its unknowns, and where it lies.
+/// An element: its unknowns and position.
 pub(super) struct Element<'e> {
     pub(super) unknowns: &'e [u32],
     pub(super) centre: Point,
 }
 
 impl Element<'_> {
-    /// Entries of the lower half of its matrix.
+    /// Number of entries of the lower half of its matrix.
     pub(super) fn entries(&self) -> usize {
         triangle(self.unknowns.len())
     }
 }
 
-/// The order of elimination.
+/// Order of elimination.
 pub(super) struct Dissection {
-    /// Children before their parents.
+    /// The fronts, children before their parents.
     fronts: Vec<Front>,
 }
 
 /// A dense matrix in which some unknowns are eliminated.
 struct Front {
-    /// Its unknowns: those that are eliminated here, then those of the boundary.
+    /// Unknowns: those eliminated here, then those of the boundary.
     unknowns: Vec<u32>,
-    /// How many are eliminated here.
+    /// Number of unknowns eliminated here.
     pivots: usize,
-    /// What it is the sum of.
+    /// Matrices whose sum is the front.
     terms: Vec<Term>,
 }
 
 /// A matrix that is added to a front.
 struct Term {
     source: Source,
-    /// Where its rows and columns stand in the front.
+    /// Positions of its rows and columns in the front.
     places: Vec<usize>,
 }
 
 enum Source {
-    /// An element, whose lower half begins here among the entries of all, row by row.
+    /// An element; its lower half starts at this index among all entries, row by row.
     Element(usize),
-    /// What another front leaves on its boundary, column by column.
+    /// Remainder of another front on its boundary, column by column.
     Front(usize),
 }
 
-/// A factor: for each front the columns that were eliminated, one after the other.
+/// A factor: for each front the eliminated columns, one after the other.
 pub(super) struct Factor<T = f64> {
     columns: Vec<Vec<T>>,
 }
 
-/// The matrix has a direction along which it is not positive; a complex one, no pivot.
+/// Error: the matrix has a direction in which it is not positive; a complex matrix has no pivot.
 #[derive(Debug)]
 pub(super) struct NotPositive;
 
 impl Dissection {
-    /// The order for elements whose lower halves stand one after the other among the entries.
+    /// Computes the order for elements whose lower halves are stored one after the other among the
+    /// entries.
     pub(super) fn of(elements: &[Element<'_>], unknowns: usize) -> Self {
         let mut builder = Builder {
             fronts: Vec::new(),
@@ -141,29 +144,29 @@ impl Dissection {
     }
 }
 
-/// Entries of the lower half of a symmetric matrix.
+/// Number of entries of the lower half of a symmetric matrix.
 const fn triangle(size: usize) -> usize {
     size * (size + 1) / 2
 }
 
-/// What is known while the fronts are made.
+/// State during the construction of the fronts.
 struct Builder {
     fronts: Vec<Front>,
     unknowns: Vec<Unknown>,
 }
 
-/// An unknown while the fronts are made.
+/// State of an unknown during the construction of the fronts.
 #[derive(Clone, Copy, Default)]
 struct Unknown {
-    /// How many elements have it.
+    /// Number of elements with this unknown.
     uses: u32,
-    /// How many of the elements of the set at hand have it. Zero between fronts.
+    /// Number of elements of the current set with this unknown. Zero between fronts.
     seen: u32,
-    /// Its place in the front at hand.
+    /// Position in the current front.
     place: usize,
 }
 
-/// The boundary of a set: unknowns, with how many elements of the set have each.
+/// Boundary of a set: unknowns, each with the number of elements of the set that have it.
 type Boundary = Vec<(u32, u32)>;
 
 impl Builder {
@@ -174,8 +177,8 @@ impl Builder {
             .map_or_else(T::default, act)
     }
 
-    /// Makes the fronts of a set of elements, each with the start of its entries. The last of them
-    /// is that of the set.
+    /// Makes the fronts of a set of elements, each given with the start of its entries. The last
+    /// front is that of the set.
     fn dissect(&mut self, set: &mut [(&Element<'_>, usize)]) -> Boundary {
         if set.len() <= LEAF {
             let terms = set.iter().map(|(element, start)| {
@@ -202,7 +205,7 @@ impl Builder {
         self.front(terms.into())
     }
 
-    /// How many unknowns the two halves of a set share.
+    /// Number of unknowns that the two halves of a set share.
     fn shared(&mut self, set: &[(&Element<'_>, usize)]) -> usize {
         let (low, high) = set.split_at(set.len() / 2);
         let unknowns_of = |half: &[(&Element<'_>, usize)]| {
@@ -215,7 +218,7 @@ impl Builder {
         }
         let mut shared = 0;
         for number in unknowns_of(high) {
-            // Counted once.
+            // Each shared unknown counts once.
             shared += self.at(number, |unknown| {
                 core::mem::take(&mut unknown.seen) as usize
             });
@@ -226,7 +229,7 @@ impl Builder {
         shared
     }
 
-    /// Adds the front that is the sum of some matrices, and returns its boundary.
+    /// Adds the front that is the sum of several matrices, and returns its boundary.
     fn front(&mut self, terms: Vec<(Source, Boundary)>) -> Boundary {
         let mut numbers = Vec::new();
         for &(number, uses) in terms.iter().flat_map(|(_, boundary)| boundary) {
@@ -239,7 +242,7 @@ impl Builder {
                 numbers.push(number);
             }
         }
-        // An unknown that all of its elements have brought here is shared with none outside.
+        // An unknown whose elements are all in this set is not shared with any element outside.
         let (mut numbers, outer): (Vec<u32>, Vec<u32>) = numbers
             .iter()
             .partition(|&&number| self.at(number, |unknown| unknown.seen == unknown.uses));
@@ -274,14 +277,14 @@ impl Builder {
     }
 }
 
-/// Puts that half of a set first whose centres lie lower along an axis.
+/// Moves the half of a set with the lower centres along an axis to the front.
 fn halve(set: &mut [(&Element<'_>, usize)], axis: usize) {
     set.select_nth_unstable_by(set.len() / 2, |(a, _), (b, _)| {
         a.centre[axis].total_cmp(&b.centre[axis])
     });
 }
 
-/// The axis along which the centres of some elements are farthest apart.
+/// The axis along which the centres of the elements extend farthest.
 fn widest_axis(set: &[(&Element<'_>, usize)]) -> usize {
     let width = |axis: usize| {
         let along = set.iter().map(|(element, _)| element.centre[axis]);
@@ -291,7 +294,7 @@ fn widest_axis(set: &[(&Element<'_>, usize)]) -> usize {
 }
 
 impl Front {
-    /// The front's matrix. What its children have left on their boundaries is used up.
+    /// Matrix of the front. Consumes the remainders of its children on their boundaries.
     fn sum<T: Scalar>(&self, entries: &[T], boundaries: &mut [Vec<T>]) -> Dense<T> {
         let mut sum = Dense::zero(self.unknowns.len(), self.pivots);
         for term in &self.terms {
@@ -324,7 +327,7 @@ impl Front {
         sum
     }
 
-    /// The columns that were eliminated here.
+    /// The columns eliminated here.
     fn columns<'f, T>(
         &self,
         columns: &'f [T],
@@ -350,12 +353,12 @@ impl Front {
     }
 }
 
-/// The lower half of a symmetric matrix, column by column; above the diagonal stand zeros.
+/// The lower half of a symmetric matrix, column by column, with zeros above the diagonal.
 struct Dense<T> {
     size: usize,
-    /// The columns that are eliminated.
+    /// The eliminated columns.
     pivots: Vec<T>,
-    /// Of the other columns, the rows of the others.
+    /// The rows and columns that are not eliminated.
     boundary: Vec<T>,
 }
 
@@ -369,7 +372,7 @@ impl<T: Scalar> Dense<T> {
         }
     }
 
-    /// Adds to the entry in a row and a column, which may be given in either order.
+    /// Adds to the entry in a row and a column, given in either order.
     fn add(&mut self, row: usize, column: usize, value: T) {
         let (row, column) = (row.max(column), row.min(column));
         let at = column * self.size + row;
@@ -385,7 +388,7 @@ impl<T: Scalar> Dense<T> {
     }
 
     /// Eliminates the pivots: their columns become those of the factor, and the boundary's matrix
-    /// what is left of it.
+    /// becomes the remainder.
     fn eliminate(&mut self) -> Result<(), NotPositive> {
         let size = self.size.max(1);
         let count = self.pivots.len() / size;
@@ -406,11 +409,11 @@ impl<T: Scalar> Dense<T> {
     }
 }
 
-/// Subtracts from a column, of which the target is the part from row `from` on, what the columns
-/// of the factor contribute.
+/// Subtracts the contribution of the factor's columns from a column; `target` is its part from row
+/// `from` on.
 fn subtract<T: Scalar>(factor: &[T], size: usize, from: usize, target: &mut [T]) {
     let mut rest = factor;
-    // Four at a time, so that the target is read and written a quarter as often.
+    // Four columns at a time, so that the target is read and written a quarter as often.
     while let Some((four, others)) = rest.split_at_checked(4 * size) {
         let [Some(a), Some(b), Some(c), Some(d)] =
             [0, 1, 2, 3].map(|k| four.get(k * size + from..(k + 1) * size))
@@ -463,13 +466,13 @@ mod tests {
         squares.iter().enumerate().map(of).collect()
     }
 
-    /// Numbers between -1 and 1 that look random (Lehmer's generator).
+    /// Pseudo-random numbers between -1 and 1 (Lehmer's generator).
     fn noise() -> impl Iterator<Item = f64> {
         iter::successors(Some(1_u64), |n| Some(n * 48_271 % 0x7fff_ffff))
             .map(|n| n as f64 / f64::from(0x4000_0000) - 1.0)
     }
 
-    /// Lower halves of element matrices A Aᵀ + I/8, which are positive definite.
+    /// Lower halves of the element matrices A Aᵀ + I/8, which are positive definite.
     fn stiffness(count: usize) -> Vec<f64> {
         let mut noise = noise();
         let mut entries = Vec::new();
@@ -525,7 +528,7 @@ mod tests {
     }
 
     /// On a grid of n = 4096 unknowns, a banded factor has n^1.5 = 262 000 entries; dissection
-    /// has a few times n log n.
+    /// needs a few times n log n.
     #[test]
     fn the_factor_is_sparse() {
         let (squares, count) = grid(63, 63);
@@ -536,8 +539,8 @@ mod tests {
         assert!(entries < 4 * count * 12, "{entries}");
     }
 
-    /// A long row of squares, drawn a thousand times as flat: across is now the longer side, and the median of
-    /// it cuts the whole row.
+    /// A long row of squares, made a thousand times flatter: the longer side then runs across the
+    /// row, and its median cuts the whole row.
     #[test]
     fn a_row_of_small_elements_is_cut_where_it_is_thin() {
         let (width, height) = (1023, 15);

@@ -10,9 +10,9 @@ use crate::geometry::{Point, length};
 pub struct FieldAt {
     /// B_r and B_x, T.
     pub b: [f64; 2],
-    /// A_φ/r, T; r² times it, times 2π, is the flux through the circle.
+    /// A_φ/r, T; multiplied by 2π r² it is the flux through the circle.
     pub w: f64,
-    /// The triangle's region.
+    /// Region of the triangle.
     pub region: u32,
 }
 
@@ -24,21 +24,22 @@ impl FieldAt {
     }
 }
 
-/// Finds the triangle in which a point lies.
+/// Finds the triangle that contains a point.
 pub struct Locator<'l> {
     level: &'l Level,
     w: &'l [f64],
-    /// Triangles by cell of a square grid, inside then outside.
+    /// Triangles by cell of a square grid: inside, then outside.
     cells: [Vec<Vec<u32>>; 2],
 }
 
-/// Cells along the diameter. 64 make a few triangles in each for the meshes that occur.
+/// Number of cells along the diameter. 64 cells contain a few triangles each for the usual meshes.
 const CELLS: usize = 64;
-/// How far outside of a triangle, in barycentric coordinates, a point still counts as in it.
+/// Distance outside of a triangle, in barycentric coordinates, up to which a point still counts as
+/// inside.
 const SLACK: f64 = 1e-9;
 
 impl<'l> Locator<'l> {
-    /// Prepares to evaluate a solution.
+    /// Prepares the evaluation of a solution.
     #[must_use]
     pub fn new(level: &'l Level, w: &'l [f64]) -> Self {
         let mut locator = Self {
@@ -56,7 +57,7 @@ impl<'l> Locator<'l> {
             let mut low = [usize::MAX; 2];
             let mut high = [0; 2];
             let corners = mesh.corners_of(triangle);
-            // Straight edges between the nodes of a bent one reach almost as far as it does.
+            // Straight edges between the nodes of a curved edge reach almost as far as the curve.
             let margin = if nodes.len() > 3 {
                 0.02 * extent(&corners)
             } else {
@@ -98,7 +99,7 @@ impl<'l> Locator<'l> {
         [clamp(r), clamp(x - circle.centre_x + circle.radius)]
     }
 
-    /// The field at a point with r ≥ 0, the background's included.
+    /// The field at a point with r ≥ 0, including the background's.
     #[must_use]
     pub fn at(&self, point: Point) -> FieldAt {
         let circle = self.level.space.mesh.circle;
@@ -119,7 +120,7 @@ impl<'l> Locator<'l> {
         self.outside(point, distance.max(circle.radius))
     }
 
-    /// By Kelvin's transform: w(p) = (R/ρ)³ w″(c + R² (p − c)/ρ²).
+    /// Field outside of the circle by Kelvin's transform: w(p) = (R/ρ)³ w″(c + R² (p − c)/ρ²).
     fn outside(&self, point: Point, distance: f64) -> FieldAt {
         let circle = self.level.space.mesh.circle;
         let background = self.level.background_t;
@@ -154,7 +155,7 @@ impl<'l> Locator<'l> {
         Some((value, slope, region))
     }
 
-    /// The triangle of a point inside the circle.
+    /// Index of the triangle of a point inside the circle.
     pub(crate) fn triangle(&self, point: Point) -> Option<usize> {
         let inside =
             self.level.space.mesh.circle.distance(point) <= self.level.space.mesh.circle.radius;
@@ -162,7 +163,7 @@ impl<'l> Locator<'l> {
         found.map(|(number, _)| number)
     }
 
-    /// The triangle of a point and its barycentric coordinates there.
+    /// The triangle of a point, and the point's barycentric coordinates in it.
     fn find(&self, point: Point, exterior: usize) -> Option<(usize, [f64; 3])> {
         let [column, row] = self.cell(point);
         let cell = self.cells.get(exterior)?.get(row * CELLS + column)?;
@@ -208,7 +209,7 @@ fn extent(corners: &[Point; 3]) -> f64 {
 /// Barycentric coordinates of a point, by Newton's method: one step for a straight triangle.
 pub(super) fn invert(basis: &Basis, nodes: &[Point], point: Point) -> [f64; 3] {
     let mut at = straight(nodes, point);
-    // Far outside of a triangle its bend means nothing.
+    // Far outside of a triangle its curvature is meaningless.
     let order = basis.order() as usize;
     let bent = order > 1 && is_bent(basis, nodes);
     if !bent || at.iter().any(|&share| share < -0.5) {

@@ -1,17 +1,17 @@
-//! What does not depend on the field, computed once for all of Newton's steps on a mesh.
+//! Contributions that do not depend on the field, computed once for all Newton steps on a mesh.
 
 use super::assembly::{Level, Local};
 use crate::element::shape::Placed;
 
-/// What each triangle contributes at rest, where its tangent does not depend on the field: those of linear
-/// material and of the exterior.
+/// Contribution at rest of each triangle whose tangent does not depend on the field: those of
+/// linear material and of the exterior.
 pub(super) struct Fixed(Vec<Option<Local>>);
 
 impl Fixed {
-    /// None: for what is assembled once.
+    /// No contributions: for a single assembly.
     pub(super) const NONE: Self = Self(Vec::new());
 
-    /// Those of a level.
+    /// Contributions of a level.
     pub(super) fn of(level: &Level) -> Self {
         let at_rest = vec![0.0; level.space.count];
         let mut placed = Placed::new(&level.space.basis);
@@ -28,7 +28,7 @@ impl Fixed {
         Self(fixed.collect())
     }
 
-    /// That of a triangle, if it is known.
+    /// Contribution of a triangle, if it is known.
     pub(super) fn of_triangle(&self, index: usize) -> Option<&Local> {
         self.0.get(index)?.as_ref()
     }

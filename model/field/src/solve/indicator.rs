@@ -1,8 +1,8 @@
-//! Where the mesh is too coarse: jumps of the tangential H across edges.
+//! Error indicator: jumps of the tangential H across edges show where the mesh is too coarse.
 //!
 //! In the exact field H is continuous along every edge. η² = Σ h/(ν₁ + ν₂) ∫ [H_t]² r ds over a
-//! triangle's edges is the classical residual estimate without its interior term, which for
-//! orders from two on is of the same size.
+//! triangle's edges is the classical residual estimate without its interior term, which has the
+//! same size for orders from two on.
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,14 +14,14 @@ use crate::element::{Basis, quadrature};
 use crate::material::MU_0;
 use crate::mesh::ascending;
 
-/// What the jumps about each triangle amount to.
+/// Jumps at the edges of each triangle.
 pub(super) struct Jumps {
     /// η², in the unit of the energy.
     pub(super) energy: Vec<f64>,
-    /// The greatest jump, root mean square along an edge, over the mean dH/dB: an error of B, T.
+    /// Greatest jump, root mean square along an edge, divided by the mean dH/dB: an error of B, T.
     pub(super) field_t: Vec<f64>,
-    /// The field itself, root mean square over the triangle's edges, T; for the exterior that of
-    /// its drawing.
+    /// The field itself, root mean square over the triangle's edges, T; in the exterior that of the
+    /// mapped field.
     pub(super) size_t: Vec<f64>,
 }
 
@@ -35,8 +35,8 @@ pub(super) fn jumps_of_change(level: &Level, state: &[f64], change: &[f64]) -> J
     jumps_without(level, state, Some(change), &HashSet::new())
 }
 
-/// Those of a change, or else of the field itself, without some edges, at which there is no jump to be
-/// expected.
+/// The jumps of a change, or of the field itself if there is none. Edges in `left_out` are skipped,
+/// since no jump is expected there.
 pub(super) fn jumps_without(
     level: &Level,
     state: &[f64],
@@ -45,7 +45,7 @@ pub(super) fn jumps_without(
 ) -> Jumps {
     let space = &level.space;
     let rule = quadrature::gauss(space.basis.order() as usize + 1, 0.0);
-    // Sorted, so that the points seen from either side of an edge are the same.
+    // Sorted, so that the points are the same from either side of an edge.
     let mut rule: Vec<(f64, f64)> = rule;
     rule.sort_by(|a, b| a.0.total_cmp(&b.0));
     let samples: Vec<Vec<_>> = (0..3)
@@ -76,7 +76,7 @@ pub(super) fn jumps_without(
                 continue;
             }
             let length = crate::geometry::distance(a, b);
-            // ν, and dH/dB along the edge.
+            // ν and dH/dB along the edge.
             let mut nu_sum = [0.0; 2];
             let mut values: Vec<f64> = Vec::with_capacity(rule.len());
             for sample in samples.get(side).into_iter().flatten() {
@@ -154,11 +154,11 @@ pub(super) fn jumps_without(
     }
 }
 
-/// For each triangle, how far w probably is from its exact values, T.
+/// For each triangle, the probable distance of w from its exact values, T.
 ///
-/// What the highest order adds to w, s_p, and what the order below added, s_(p−1), tell how fast
-/// the polynomials converge there: the next order would add about s_p · s_p/s_(p−1). Jumps do not
-/// show this, since w is continuous.
+/// The part of w that the highest order adds, s_p, and the part that the previous order added,
+/// s_(p−1), show the local convergence of the polynomials: the next order would add about
+/// s_p · s_p/s_(p−1). Jumps do not show this, since w is continuous.
 pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
     let order = space.basis.order();
     let surplus =
@@ -180,8 +180,8 @@ pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
     space.unknowns.iter().map(triangle).collect()
 }
 
-/// The matrix that takes values at the nodes of a basis to those of the polynomial of a lower
-/// order that agrees at its own nodes.
+/// The matrix that maps values at the nodes of a basis to those of the polynomial of a lower order
+/// that agrees at its own nodes.
 fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
     let lower = Basis::new(lower);
     let onto: Vec<Vec<f64>> = lower.points().map(|at| basis.sample(at).values).collect();
@@ -198,7 +198,7 @@ fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
     basis.points().map(row).collect()
 }
 
-/// Marks the triangles with the largest scores that together make up `share` of the whole.
+/// Marks the triangles with the largest scores that together make up `share` of the total.
 pub(super) fn mark(scores: &[f64], share: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     let score = |index: usize| scores.get(index).copied().unwrap_or(0.0);

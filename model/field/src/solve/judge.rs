@@ -1,4 +1,4 @@
-//! How good a field is: estimated errors, and where the mesh should be finer.
+//! Estimated errors of a field, and the triangles that should be finer.
 
 use core::f64::consts::TAU;
 
@@ -15,11 +15,13 @@ use crate::geometry::{Point, distance};
 use crate::mesh::{CORNER_M, Triangle, Zone};
 use crate::plates;
 
-/// Relative to the core's mean, below which a field on the axis is weak.
+/// Fraction of the core's mean below which a field on the axis is weak.
 pub(super) const WEAK: f64 = 0.02;
-/// The same for the core's centre: opposed coils have no field there.
+/// Fraction of the core's mean below which the field at its centre is weak: opposed coils have no
+/// field there.
 const WEAK_CENTRE: f64 = 0.5;
-/// How much less accurate inductance and force may be than the field: at 1e-4 they are within 0.2 %.
+/// Factor by which inductance and force may be less accurate than the field: at 1e-4 they are
+/// within 0.2 %.
 const WIDER: f64 = 20.0;
 
 /// B_x along the axis within the circle, T.
@@ -33,10 +35,11 @@ pub(super) fn axis(level: &Level, w: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Triangles of the inner core and on the axis at whose edges the field jumps, or where w is
-/// wrong, by more than the share `relative` of it, or of a fiftieth of the core's where it is weak. The energy there is
-/// small, since volumes near the axis are, but that is where users look.
-/// On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the greatest jump.
+/// Marks triangles of the inner core and on the axis in which the jump of the field, or the error
+/// of w, exceeds the share `relative` of the field, or of a fiftieth of the core's mean where the
+/// field is weaker. The energy there is small, since volumes near the axis are small, but users
+/// read the field there. On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the
+/// greatest jump.
 pub(super) fn rough(
     design: &Design,
     level: &Level,
@@ -53,7 +56,7 @@ pub(super) fn rough(
             .any(|&vertex| mesh.position(vertex)[0] == 0.0);
         on_axis || mesh.region(triangle).zone >= Zone::ThreeQuarters
     };
-    // About a corner the field has no scale: triangles would be halved there without end.
+    // At a corner the field has no scale: triangles would be halved there without end.
     let at_corner = |triangle: &Triangle| {
         let places = mesh.corners_of(triangle);
         let near = |&vertex: &u32| {
@@ -80,8 +83,8 @@ pub(super) fn rough(
         .collect()
 }
 
-/// The estimated error of the field at the core's centre, T: [`SAFETY`] times the jumps of the field,
-/// or the errors of w, about the triangles there. On `pot` the error is 2.4 times the jump.
+/// Estimated error of the field at the core's centre, T: [`SAFETY`] times the jumps of the field,
+/// or the errors of w, of the triangles there. On `pot` the error is 2.4 times the jump.
 pub(super) fn centre_error(design: &Design, level: &Level, jumps: &Jumps, decay: &[f64]) -> f64 {
     let triangles = level.space.mesh.triangles.iter();
     let triangles = triangles.zip(jumps.field_t.iter().zip(decay));
@@ -104,8 +107,8 @@ fn at_centre(design: &Design, level: &Level, triangle: &Triangle) -> bool {
     on_axis && low <= middle && middle <= high && !mesh.region(triangle).exterior
 }
 
-/// What the error of the field in the centre is relative to, T: the field there, but at least half of
-/// the core's mean.
+/// Reference for the relative error at the centre, T: the field there, but at least half of the
+/// core's mean.
 pub(super) fn centre_size(figures: &Figures) -> f64 {
     figures
         .centre_t
@@ -113,9 +116,9 @@ pub(super) fn centre_size(figures: &Figures) -> f64 {
         .max(WEAK_CENTRE * figures.core_mean_t)
 }
 
-/// Whether the estimated errors are small enough: centre and mean field as asked for, integrals over
-/// the whole of the field [`WIDER`] times that. A force that cancels is held to a hundredth of the
-/// energy over the gap.
+/// Whether the estimated errors are small enough: centre and mean field as requested, integrals
+/// over the whole field [`WIDER`] times that. If a force cancels, its error is compared with a
+/// hundredth of the energy over the gap.
 pub(super) fn close(
     errors: &Figures,
     figures: &Figures,
@@ -138,7 +141,8 @@ pub(super) fn close(
         && within(errors.force_by_stress_n, force)
 }
 
-/// The most energy of a field outside of the magnets, J: B_r²/8μ per volume, where B is half of B_r.
+/// Upper bound of the field energy outside of the magnets, J: B_r²/8μ per volume, reached if B is
+/// half of B_r.
 fn energy_of_magnets_j(level: &Level) -> f64 {
     if level.remanences_t.iter().all(|remanence| *remanence == 0.0) {
         return 0.0;
@@ -152,19 +156,20 @@ fn energy_of_magnets_j(level: &Level) -> f64 {
     energy_j
 }
 
-/// The change from mesh to mesh is nearly the error of the coarser one where meshes become better
-/// fast. At the edge of a permeable plate they do not, and the finer one's error is up to 2.3 times
-/// the change (found on `C1in` against fourth order at 3e-6): hence a factor of 3 everywhere.
+/// Safety factor. The change from mesh to mesh is nearly the error of the coarser one if meshes
+/// improve fast. At the edge of a permeable plate they do not, and the finer one's error is up to
+/// 2.3 times the change (found on `C1in` against fourth order at 3e-6): hence a factor of 3
+/// everywhere.
 const SAFETY: f64 = 3.0;
-/// A change may vanish by chance, and one after a local refinement says little: so much of each
-/// earlier estimate still counts. Over 68 solutions of the built-in designs, from 1e-3 to 3e-5, the
-/// true error of a homogeneity or a profile exceeds the estimate in 6 with a quarter, in 2 with 0.4,
-/// in none with a half.
+/// Fraction of each earlier estimate that still counts, since a change may vanish by chance, and a
+/// change after a local refinement means little. Over 68 solutions of the built-in designs, from
+/// 1e-3 to 3e-5, the true error of a homogeneity or a profile exceeds the estimate in 6 with a
+/// quarter, in 2 with 0.4, in none with a half.
 const MEMORY: f64 = 0.5;
-/// The flux linkage is an energy, of which the error has one sign and falls on every mesh. What is
-/// known of it bounds what can be known of other integrals: at least this share of its relative error
-/// is counted for the core's mean, the whole field's homogeneity, and the force. In the same 68
-/// solutions the true errors are up to 0.14, 1.8 and 1.1 of it.
+/// Least share of the linkage's relative error that counts for the core's mean, the homogeneity and
+/// the force. The flux linkage is an energy, whose error has one sign and falls on every mesh;
+/// other integrals cannot be known better. In the same 68 solutions the true errors are up to 0.14,
+/// 1.8 and 1.1 of it.
 const LEAST_OF_LINKAGE: LinkageShares = LinkageShares {
     core_mean: 0.25,
     cv: 2.0,
@@ -177,7 +182,7 @@ struct LinkageShares {
     force: f64,
 }
 
-/// The estimated errors on a mesh, from those on the one before and the change since then.
+/// Estimated errors on a mesh, from those on the previous mesh and the change since then.
 pub(super) fn estimate(change: Figures, figures: &Figures, before: Option<Figures>) -> Figures {
     let mut errors = change.scaled(SAFETY);
     if let Some(before) = before {
@@ -202,20 +207,21 @@ pub(super) fn estimate(change: Figures, figures: &Figures, before: Option<Figure
     errors
 }
 
-/// What is known of the greatest field in the plates.
+/// Accuracy of the greatest field in the plates.
 pub(super) struct PlatePeak {
-    /// Its estimated error, T.
+    /// Estimated error, T.
     pub(super) error_t: f64,
-    /// Triangles in which a greater field may hide.
+    /// Triangles that may contain a greater field.
     pub(super) coarse: Vec<bool>,
 }
 
-/// Triangles are halved until the greatest field in the plates is known to this share of it. On C1in,
-/// C1out, backplates and pot a twentieth takes half as much time again and halves the true error, which
-/// is at most a quarter of the estimate: 1.6 % on C1in.
+/// Share of the greatest field in the plates to which it has to be known; triangles are halved
+/// until then. On C1in, C1out, backplates and pot a twentieth takes half as much time again and
+/// halves the true error, which is at most a quarter of the estimate: 1.6 % on C1in.
 const PLATE: f64 = 0.2;
 
-/// Judges the greatest field in the plates by the jumps and the decay about each triangle there.
+/// Estimates the error of the greatest field in the plates from the jumps and the decay of each
+/// triangle there.
 pub(super) fn plate_peak(
     design: &Design,
     level: &Level,
@@ -245,7 +251,8 @@ pub(super) fn plate_peak(
     peak
 }
 
-/// The energy's error and that of the fields which users look at count alike.
+/// Scores of the triangles: the error of the energy and that of the fields that users read count
+/// equally.
 pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> Vec<f64> {
     let primal = &primal.energy;
     let dual = jumps_of_change(level, w, dual).energy;
@@ -260,8 +267,8 @@ pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> 
     primal.iter().zip(&product).map(score).collect()
 }
 
-/// The derivative of the mean of B_x over the core, plus that of its mean along the axis inside
-/// the circle: over the triangles there, each weighted by its share of the axis.
+/// Derivative of the goal: the mean of B_x over the core, plus its mean along the axis inside the
+/// circle, taken over the triangles there, each weighted by its share of the axis.
 pub(super) fn goal(level: &Level) -> Vec<f64> {
     let space = &level.space;
     let mut core = vec![0.0; space.count];

@@ -8,23 +8,24 @@ use super::fixed::Fixed;
 use crate::design::Design;
 use crate::element::shape::Placed;
 
-/// What drives the field.
+/// Excitation of the field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excitation {
-    /// Current of each coil, A; the coil's sense comes on top.
+    /// Current of each coil, A; multiplied by the coil's sense.
     pub currents_a: Vec<f64>,
     /// Uniform field along the axis, T.
     pub background_t: f64,
-    /// Whether materials saturate. Otherwise they keep their initial permeability.
+    /// Whether materials saturate. If not, they keep their initial permeability.
     pub saturating: bool,
-    /// Whether magnets have their remanence. Otherwise only their permeability is left.
+    /// Whether magnets have their remanence. If not, only their permeability counts.
     pub magnetised: bool,
 }
 
 impl Excitation {
-    /// A current in all driven coils of a design, in series, and nothing else: materials stay far below
-    /// saturation, and the design's background, its magnets' remanence and its coils' own currents are left
-    /// out, so that every figure is in proportion to a power of the current.
+    /// A current in all driven coils of a design, in series, and no other excitation: materials
+    /// stay far below saturation, and the design's background, the remanence of its magnets and the
+    /// own currents of its coils are omitted, so every figure is proportional to a power of the
+    /// current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
         Self {
@@ -39,8 +40,8 @@ impl Excitation {
         }
     }
 
-    /// The same current with materials that saturate, in the design's background, beside its magnets and the
-    /// coils that carry currents of their own.
+    /// The current in all driven coils with saturating materials, in the design's background, with
+    /// its magnets and the coils that carry currents of their own.
     #[must_use]
     pub fn saturating(design: &Design, current_a: f64) -> Self {
         Self {
@@ -60,16 +61,16 @@ impl Excitation {
     }
 }
 
-/// Why there is no solution.
+/// Reason why there is no solution.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SolveError {
     /// The design could not be triangulated.
     Mesh(crate::mesh::MeshError),
     /// The matrix is not positive definite.
     Factor,
-    /// Newton's method did not come to rest.
+    /// Newton's method did not converge.
     Diverged {
-        /// Steps that were taken.
+        /// Number of steps taken.
         steps: usize,
     },
 }
@@ -95,7 +96,7 @@ impl From<crate::mesh::MeshError> for SolveError {
     }
 }
 
-/// Which entries the matrix of a level is the sum of, and the order in which it is eliminated.
+/// The entries whose sum is the matrix of a level, and the order of elimination.
 pub(super) struct Pattern {
     elimination: Dissection,
     entries: usize,
@@ -120,8 +121,8 @@ impl Pattern {
         }
     }
 
-    /// Residual, and the tangent's entries in the pattern's order if they are asked for. What `fixed` has of
-    /// the triangles is not computed again.
+    /// Computes the residual, and on request the tangent's entries in the pattern's order.
+    /// Contributions in `fixed` are not computed again.
     pub(super) fn assemble(
         &self,
         level: &Level,
@@ -172,13 +173,13 @@ impl Pattern {
         (residual, entries)
     }
 
-    /// Factors the matrix of such entries.
+    /// Factors the matrix with these entries.
     pub(super) fn factor(&self, entries: &[f64]) -> Result<Factor, SolveError> {
         let factor = self.elimination.factor(entries);
         factor.map_err(|NotPositive| SolveError::Factor)
     }
 
-    /// Solves with a factor of a matrix of this pattern.
+    /// Solves with a factor of a matrix with this pattern.
     pub(super) fn solve(&self, factor: &Factor, rhs: &[f64]) -> Vec<f64> {
         self.elimination.solve(factor, rhs)
     }
@@ -192,21 +193,21 @@ fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
     }
 }
 
-/// A state that balances, with the last factor of the matrix and the steps it took.
+/// A solution with the last factor of the matrix and the number of steps.
 pub(super) struct Balanced {
     pub(super) w: Vec<f64>,
     pub(super) factor: Factor,
     pub(super) steps: usize,
 }
 
-/// A last step after which nothing is left but rounding.
+/// Last step below which only rounding errors remain.
 pub(super) const EXACT: f64 = 1e-9;
-/// Steps before Newton's method is given up.
+/// Largest number of steps of Newton's method.
 const MOST_STEPS: usize = 60;
 
-/// Finds w with residual zero, from a first guess. The residual is the derivative of a convex
-/// energy, so that along each step its slope rises: the line search looks for where it is small. The last
-/// step is at most `last_step` of the field, by energy; the error left is about its square.
+/// Finds w with residual zero, starting from a guess. The residual is the derivative of a convex
+/// energy, so its slope rises along each step: the line search looks for a small slope. The last
+/// step is at most `last_step` of the field, by energy; the remaining error is about its square.
 pub(super) fn balance(
     level: &Level,
     pattern: &Pattern,
@@ -244,7 +245,7 @@ pub(super) fn balance(
         for (w, d) in w.iter_mut().zip(&direction) {
             *w += share * d;
         }
-        // Twice the work of the currents, which wᵀKw is bounded by.
+        // Twice the work of the currents, which bounds wᵀKw.
         scale = scale.max(slope.abs()).max(dot(&at_rest, &w).abs());
         if slope.abs() <= last_step.powi(2) * scale {
             return Ok(Balanced {
@@ -257,7 +258,7 @@ pub(super) fn balance(
     Err(SolveError::Diverged { steps: MOST_STEPS })
 }
 
-/// The state that balances where the residual is in proportion to it.
+/// Solves a linear problem in one step.
 fn in_one_step(level: &Level, pattern: &Pattern, mut w: Vec<f64>) -> Result<Balanced, SolveError> {
     let (residual, entries) = pattern.assemble(level, &Fixed::NONE, &w, true);
     let factor = pattern.factor(&entries)?;
@@ -277,12 +278,12 @@ fn downhill(pattern: &Pattern, factor: &Factor, residual: &[f64]) -> Vec<f64> {
     direction
 }
 
-/// A share of the step at which the slope has fallen to a tenth.
+/// Share of the step at which the slope has fallen to a tenth.
 fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
     let (mut low, mut high) = ((0.0, slope), (1.0, slope_at(1.0)));
     let mut widening = 0;
     while high.1 < -0.5 * slope.abs() && widening < 3 {
-        // Still falling steeply: go on.
+        // The slope is still steep: extend the step.
         low = high;
         high = (2.0 * high.0, slope_at(2.0 * high.0));
         widening += 1;
@@ -291,7 +292,8 @@ fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
         if high.1.abs() <= 0.1 * slope.abs() || high.1 < 0.0 {
             return high.0;
         }
-        // The slope is steep beyond the bend, so false position creeps: halve every other time.
+        // The slope is steep beyond the bend, so false position converges slowly: take the mean of
+        // its step and bisection.
         let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
         let middle = 0.5 * (secant + 0.5 * (low.0 + high.0));
         let at = (middle, slope_at(middle));

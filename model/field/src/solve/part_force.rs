@@ -1,4 +1,4 @@
-//! Forces along the axis on single parts, by two ways.
+//! Forces along the axis on single parts, by two methods.
 
 use core::f64::consts::TAU;
 
@@ -11,10 +11,10 @@ use crate::material::Material;
 use crate::mesh::Region;
 
 impl Solved {
-    /// Force along the axis on a part, N, by virtual work (Coulomb 1983): the part is moved rigidly with its
-    /// flux, and the triangles about it are stretched. That is Maxwell's stress, averaged over them. There is no
-    /// estimate of its error. None where the part touches magnetic material, since the force on either
-    /// side of that face depends on the gap that opens there.
+    /// Force along the axis on a part, N, by virtual work (Coulomb 1983): the part is moved rigidly
+    /// with its flux, and the triangles about it are stretched. This is Maxwell's stress, averaged
+    /// over them. Its error is not estimated. `None` if the part touches magnetic material, since
+    /// the force on either side of that face depends on the gap that opens there.
     #[must_use]
     pub fn force_on_n(&self, part: Named) -> Option<f64> {
         let space = &self.level.space;
@@ -40,7 +40,7 @@ impl Solved {
             if region.exterior || belongs(&region) || !corners.contains(&true) {
                 continue;
             }
-            // How far each node moves with the part.
+            // Share of the part's displacement with which each node moves.
             let shares = |at: &[f64; 3]| -> f64 {
                 let near = at.iter().zip(corners).filter(|(_, moved)| *moved);
                 near.map(|(share, _)| share).sum()
@@ -75,7 +75,7 @@ impl Solved {
                 }
                 let along = material.energy_j_per_m3(size) - nu * b[0] * b[0];
                 let across = nu * b[0] * b[1];
-                // Copper that is stretched takes its own share of the force.
+                // Stretched copper takes its own share of the force.
                 let lorentz = -current.copied().unwrap_or(0.0) * b[0];
                 let density = across * stretch[0] + along * stretch[1] + share * lorentz;
                 force_n -= TAU * 0.5 * placed.jacobian * weight * r * density;
@@ -84,7 +84,7 @@ impl Solved {
         Some(force_n)
     }
 
-    /// Lorentz's force along the axis on a coil, N.
+    /// Lorentz force along the axis on a coil, N.
     #[must_use]
     pub fn lorentz_force_n(&self, coil: usize) -> f64 {
         let mut force_n = 0.0;

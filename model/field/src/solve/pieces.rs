@@ -1,4 +1,4 @@
-//! The field on each triangle of the mesh, for other programs.
+//! Export of the field on each triangle of the mesh, for other programs.
 
 use super::adapt::Solved;
 use super::assembly::combine;
@@ -7,20 +7,20 @@ use crate::element::shape::Placed;
 use crate::geometry::Point;
 use crate::mesh::Region;
 
-/// The field on a triangle within the circle, at the places of a lattice over it. Neighbours have places of
-/// their own, since the field jumps between materials.
+/// The field on a triangle within the circle, at the points of a lattice over it. Neighbouring
+/// triangles do not share points, since the field jumps between materials.
 #[derive(Clone, Debug)]
 pub struct Piece {
-    /// What it belongs to.
+    /// Region of the triangle.
     pub region: Region,
-    /// Places with the field there; row by row from the first side to the corner across from it.
+    /// Points with the field there; row by row from the first side to the opposite corner.
     pub places: Vec<(Point, FieldAt)>,
-    /// The small triangles between them, by places.
+    /// The small triangles between the points, by index.
     pub triangles: Vec<[usize; 3]>,
 }
 
 impl Solved {
-    /// Every triangle within the circle, each side divided by the order of the elements.
+    /// All triangles within the circle, with each side divided by the order of the elements.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
         let space = &self.level.space;
@@ -58,7 +58,7 @@ impl Solved {
     }
 }
 
-/// Barycentric coordinates, row by row.
+/// Barycentric coordinates of the lattice, row by row.
 fn lattice(order: u32) -> impl Iterator<Item = [f64; 3]> {
     let share = move |steps: u32| f64::from(steps) / f64::from(order);
     let row = move |row: u32| (0..=order - row).map(move |column| (column, row));
@@ -67,7 +67,7 @@ fn lattice(order: u32) -> impl Iterator<Item = [f64; 3]> {
         .map(move |(column, row)| [share(order - row - column), share(column), share(row)])
 }
 
-/// The triangles between the places of the lattice.
+/// The triangles between the points of the lattice.
 fn small_triangles(order: u32) -> Vec<[usize; 3]> {
     let order = order as usize;
     let mut triangles = Vec::new();

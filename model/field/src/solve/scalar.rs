@@ -1,11 +1,11 @@
-//! Numbers that a matrix is made of: real, or complex for alternating fields.
+//! Scalars of a matrix: real, or complex for alternating fields.
 
 use core::iter::Sum;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Sub, SubAssign};
 
 use num_complex::Complex64;
 
-/// A number that a matrix can be factored in.
+/// A scalar for which a matrix can be factored.
 pub(super) trait Scalar:
     Copy
     + Default
@@ -19,7 +19,7 @@ pub(super) trait Scalar:
     + MulAssign
     + DivAssign
 {
-    /// One over the square root, if the number can be a pivot.
+    /// Reciprocal square root; `None` if the number cannot be a pivot.
     fn reciprocal_root(self) -> Option<Self>;
 }
 
@@ -31,7 +31,7 @@ impl Scalar for f64 {
 }
 
 impl Scalar for Complex64 {
-    /// Any number but zero; which of its two roots does not matter.
+    /// Any number except zero can be a pivot; either of its two roots may be used.
     fn reciprocal_root(self) -> Option<Self> {
         let root = self.sqrt();
         (root.is_finite() && root.norm_sqr() > 0.0).then(|| root.inv())

@@ -1,4 +1,4 @@
-//! Refinement where the field is looked at.
+//! Refinement at points of interest.
 
 use super::adapt::{Solved, transfer};
 use super::assembly::Level;
@@ -12,27 +12,29 @@ use crate::figures::Figures;
 use crate::geometry::{Point, distance};
 use crate::mesh::CORNER_M;
 
-/// Rounds after which it ends in any case. Each halves triangles; twice four of them are a sixteenth.
+/// Largest number of rounds. Each halves triangles; twice four of them are a sixteenth.
 const MOST_ROUNDS: usize = 16;
-/// What the error of a triangle is worth at its side, over what it is worth within it: with a fifth, the profiles
-/// named in docs/field.md are within half of what is stated; without it, one of them is seven times off.
+/// Weight of a triangle's error beside it, relative to its weight within it: with a fifth, the
+/// profiles named in docs/field.md are within half of the stated error; without it, one of them is
+/// seven times off.
 const BESIDE: f64 = 0.2;
-/// Newton's last step; the error left is about its square.
+/// Newton's last step; the remaining error is about its square.
 const LAST_STEP: f64 = 1e-4;
-/// Unknowns at which it ends in any case.
+/// Number of unknowns at which refinement ends in any case.
 const MOST_UNKNOWNS: usize = 300_000;
 
 impl Solved {
-    /// Refines about points, until jumps of the field and the decay of its polynomials there and
-    /// beside them show an error below the share `relative` of |B| at each, or of a fiftieth of the core's mean
-    /// where it is weaker. Points within 0.1 mm of a corner of a permeable part do not count.
+    /// Refines at points, until jumps of the field and the decay of its polynomials there and
+    /// nearby show an error below the share `relative` of |B| at each point, or of a fiftieth of
+    /// the core's mean where the field is weaker. Points within 0.1 mm of a corner of a permeable
+    /// part do not count.
     ///
-    /// Where that takes too many unknowns, the report says that it is not reached.
+    /// If that takes too many unknowns, the report states that the accuracy is not reached.
     ///
-    /// [`super::solve`] is after the core: elsewhere its field is a few per cent off.
+    /// [`super::solve`] refines for the core: elsewhere its field is a few per cent off.
     ///
     /// # Errors
-    /// As [`super::solve`].
+    /// As for [`super::solve`].
     pub fn sharpened(
         mut self,
         design: &Design,
@@ -68,8 +70,9 @@ impl Solved {
         Ok(self)
     }
 
-    /// The triangles for which a point's field is not good enough: its own, and those whose errors reach it. The
-    /// error of a triangle is as a dipole's elsewhere: it falls with the square of the distance.
+    /// Marks the triangles that make the field at a point too inaccurate: its own, and those whose
+    /// errors reach it. Elsewhere the error of a triangle acts like a dipole: it falls with the
+    /// square of the distance.
     fn blurred(&self, points: &[Point], relative: f64) -> Vec<bool> {
         let jumps = jumps(&self.level, &self.w);
         let decay = decay(&self.level.space, &self.w);
@@ -95,7 +98,7 @@ impl Solved {
                 let centre =
                     [0, 1].map(|axis| corners.iter().map(|at| at[axis]).sum::<f64>() / 3.0);
                 let error = jump.max(2.0 * decay);
-                // The exterior is drawn elsewhere than it lies.
+                // The exterior is mapped, so distances in it are not true ones.
                 let exterior = mesh.region(triangle).exterior;
                 limits.iter().any(|&(point, holder, limit)| {
                     let reach = if holder == Some(index) {

@@ -1,4 +1,4 @@
-//! How figures change with the current, about a solved field.
+//! Derivatives of the figures with respect to the current, about a solved field.
 
 use super::adapt::Solved;
 use super::assembly::Level;
@@ -7,17 +7,17 @@ use super::newton::{Excitation, Pattern, SolveError};
 use crate::design::Design;
 use crate::figures::Figures;
 
-/// Share of the current by which the field is moved each way: what is cubic in it is left out of the
-/// derivative, a millionth.
+/// Share of the current by which the field is moved in each direction: the derivative neglects
+/// terms cubic in it, a millionth.
 const STEP: f64 = 1e-3;
 
 impl Solved {
-    /// The derivative of every figure by the current of all coils in series, per ampere, about the
-    /// field as it is: by the differential permeability of every part. That of the flux linkage is the
-    /// differential inductance, H.
+    /// Derivative of every figure with respect to the current of all coils in series, per ampere,
+    /// about the solved field, from the differential permeability of every part. The derivative of
+    /// the flux linkage is the differential inductance, H.
     ///
     /// # Errors
-    /// As [`super::solve`].
+    /// As for [`super::solve`].
     pub fn by_current(&self, design: &Design) -> Result<Figures, SolveError> {
         let slope = self.field_by_current(design)?;
         let driven = self.excitation.currents_a.iter().zip(&design.coils);
@@ -37,7 +37,7 @@ impl Solved {
         Ok(at(1.0).less(&at(-1.0)).scaled(0.5 / step_a))
     }
 
-    /// The derivative of w by the current, T/A: the tangent's answer to an ampere more.
+    /// Derivative of w with respect to the current, T/A, from the tangent.
     fn field_by_current(&self, design: &Design) -> Result<Vec<f64>, SolveError> {
         let one_more_a = Excitation::small(design, 1.0).currents_a;
         let (_, field) = response(design, &self.level, &self.excitation, &self.w, &one_more_a)?;
@@ -45,8 +45,8 @@ impl Solved {
     }
 }
 
-/// What more current in each coil, A, drives about a field `w` of a level, and by how much it changes that
-/// field in proportion, T.
+/// Sources of additional current in each coil, A, about a field `w` of a level, and the resulting
+/// proportional change of that field, T.
 pub(super) fn response(
     design: &Design,
     level: &Level,

@@ -1,4 +1,4 @@
-//! Numbers of the unknowns.
+//! Numbering of the unknowns.
 
 use std::collections::HashMap;
 
@@ -9,16 +9,16 @@ use crate::element::{quadrature, shape};
 use crate::geometry::Point;
 use crate::mesh::{Mesh, ascending};
 
-/// A mesh with an element order: its unknowns, and what repeats in every integral.
+/// A mesh with an element order: its unknowns, and data reused in every integral.
 #[derive(Clone, Debug)]
 pub struct Space {
     /// The triangulation.
     pub mesh: Mesh,
-    /// The polynomials.
+    /// The polynomial basis.
     pub basis: Basis,
     /// For each triangle, the numbers of its unknowns.
     pub unknowns: Vec<Vec<u32>>,
-    /// How many unknowns there are.
+    /// Number of unknowns.
     pub count: usize,
     /// For each triangle, the positions of its nodes.
     pub nodes: Vec<Vec<Point>>,
@@ -58,8 +58,8 @@ impl Space {
             .iter()
             .map(|t| shape::nodes(&mesh, t, &basis))
             .collect();
-        // Exact for straight triangles of linear material: the integrand is of degree 2p + 1.
-        // One more for bent ones and for ν(B).
+        // Exact for straight triangles of linear material: the integrand is of degree 2p + 1. One
+        // point more for curved triangles and for ν(B).
         let samples = quadrature::triangle(basis.order() as usize + 2)
             .into_iter()
             .map(|(at, weight)| (basis.sample(at), weight))
@@ -74,7 +74,7 @@ impl Space {
         }
     }
 
-    /// A triangle as the elimination sees it.
+    /// The element of a triangle, as needed for the elimination.
     pub(super) fn element(&self, triangle: usize) -> Option<Element<'_>> {
         let (unknowns, nodes) = (self.unknowns.get(triangle)?, self.nodes.get(triangle)?);
         // The first three nodes are the vertices.

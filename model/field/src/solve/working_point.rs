@@ -8,20 +8,21 @@ use crate::geometry::distance;
 use crate::material::MU_0;
 use crate::mesh::CORNER_M;
 
-/// Where on its recoil line a magnet works; all along its magnetisation.
+/// Working point of a magnet on its recoil line; all values along its magnetisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkingPoint {
     /// Mean of B by volume, T.
     pub mean_b_t: f64,
-    /// Mean of H by volume, A/m: negative where the magnet stands against a field.
+    /// Mean of H by volume, A/m: negative if the magnet opposes a field.
     pub mean_h_a_per_m: f64,
-    /// Least B at a point of integration farther than 0.1 mm from corners, T: demagnetisation begins where it is
-    /// below the knee of the recoil line.
+    /// Least B at a point of integration at least 0.1 mm from corners, T: demagnetisation starts
+    /// where it is below the knee of the recoil line.
     pub least_b_t: f64,
 }
 
 impl Solved {
-    /// The working point of a part; none for what is no magnet, and for a field without magnets.
+    /// Working point of a part; `None` for a part that is not a magnet, and for a field without
+    /// magnets.
     #[must_use]
     pub fn working_point(&self, design: &Design, part: usize) -> Option<WorkingPoint> {
         let magnet = design.parts.get(part)?;

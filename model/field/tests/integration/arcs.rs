@@ -34,7 +34,7 @@ fn solved(design: &Design) -> Solved {
     solve(design, &Excitation::saturating(design, 1.0), &accuracy).expect("a field")
 }
 
-/// The same as the spheroid, and as the closed form 3 mu/(mu + 2) B0.
+/// The result equals that of the spheroid, and the closed form 3 mu/(mu + 2) B0.
 #[test]
 fn a_sphere_of_arcs_is_a_sphere() {
     let spheroid = "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }";
@@ -58,7 +58,8 @@ fn a_sphere_of_arcs_is_a_sphere() {
     }
 }
 
-/// A shell and the ball that fills it: their arcs are of one circle, drawn through different points.
+/// A shell and the ball that fills it: their arcs belong to one circle, drawn through different
+/// points.
 #[test]
 fn arcs_of_one_circle_fit_each_other() {
     let shell = "shape = { outline = [[0, -10], { through = [10, 0] }, [0, 10], [0, 7], \
@@ -158,7 +159,8 @@ fn outlines_that_make_no_sense_are_refused() {
     }
 }
 
-/// A star of lines and arcs about the origin: each corner's distance, and how far the arc to the next corner bulges.
+/// A star of lines and arcs about the origin: distance of each corner, and bulge of the arc to the
+/// next corner.
 fn star(corners: &[(f64, f64)]) -> Vec<Path> {
     let count = corners.len();
     let at = |k: usize| {
@@ -178,7 +180,8 @@ fn star(corners: &[(f64, f64)]) -> Vec<Path> {
     (0..count).flat_map(side).collect()
 }
 
-/// Whether a polygon winds about a point an odd number of times, by the angles at which its sides are seen.
+/// Whether a polygon winds about a point an odd number of times, by the angles of its sides as seen
+/// from the point.
 fn winds_about(polygon: &[Point], point: Point) -> bool {
     let angle = |corner: &Point| (corner[1] - point[1]).atan2(corner[0] - point[0]);
     let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
@@ -193,7 +196,8 @@ fn winds_about(polygon: &[Point], point: Point) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Area and inside of an outline with arcs are those of a polygon of many short sides along it.
+    /// Area and inside of an outline with arcs equal those of a polygon of many short sides along
+    /// it.
     #[test]
     fn an_outline_is_its_fine_polygon(
         corners in prop::collection::vec((1.0..2.0_f64, -0.2..0.6_f64), 3..9),

@@ -1,4 +1,4 @@
-//! The built-in designs: accuracy, symmetry, and figures known from other programs.
+//! The built-in designs: accuracy, symmetry, and figures from other programs.
 
 use palpate_field::design::{BUILTIN, Design, builtin, builtin_text};
 use palpate_field::figures::Figures;
@@ -27,7 +27,7 @@ fn every_design_reaches_its_accuracy() {
             errors.core_mean_t <= 1e-4 * figures.core_mean_t,
             "{name}: {errors:?}"
         );
-        // The halves attract, alike by both methods.
+        // The halves attract, and both methods agree.
         let force = figures.force_n / figures.force_by_stress_n - 1.0;
         assert!(
             figures.force_n > 0.0 && force.abs() < 5e-3,
@@ -55,8 +55,8 @@ fn named(figures: &Figures) -> [(&'static str, f64); 10] {
     ]
 }
 
-/// The estimate of every figure has to cover what a far finer mesh of higher order finds. At these
-/// accuracies single figures stand still by chance.
+/// The estimate of every figure has to cover the result of a far finer mesh of higher order. At
+/// these accuracies single figures may stay constant by chance.
 #[test]
 fn the_estimates_cover_the_errors() {
     estimates_cover_errors(&[("A", 1e-4), ("C1in", 3e-5)]);
@@ -91,13 +91,13 @@ fn estimates_cover_errors(designs: &[(&str, f64)]) {
         let mean = coarse.figures.core_mean_t / fine.core_mean_t - 1.0;
         assert!(mean.abs() <= relative, "{name}: {mean:e}");
         if name == "C1in" {
-            // By a mesh graded towards the corners: 7.66 mT/A.
+            // A mesh graded towards the corners gives 7.66 mT/A.
             assert!((coarse.figures.plate_max_t / 7.66e-3 - 1.0).abs() < 0.03);
         }
     }
 }
 
-/// A plate above two rings, whose outline is given.
+/// A plate with this outline above two rings.
 fn plate_above_rings(outline: &str, upper_sense: &str) -> Design {
     let ring = |x: f64, sense: &str| {
         let to = x + 1.0;
@@ -162,8 +162,8 @@ fn an_accuracy_that_is_not_reached_is_reported() {
     assert!(!solved.report.reached && solved.relative_error() > 1e-4);
 }
 
-/// Profiles are as accurate as is asked wherever they run, away from corners: near copper and plates
-/// too.
+/// Profiles have the requested accuracy wherever they run, except near corners: near copper and
+/// plates too.
 #[test]
 fn profiles_along_and_across() {
     profiles_reach_their_accuracy("A");
@@ -211,7 +211,7 @@ fn profiles_reach_their_accuracy(name: &str) {
         };
         points.iter().filter(far).map(miss).fold(0.0, f64::max)
     };
-    // It is the refinement along the points that does it.
+    // The refinement along the points is the reason.
     assert!(worst(&solved) > 1e-2, "{name}: {:e}", worst(&solved));
     let solved = solved.sharpened(&design, &points, 5e-3).expect("a field");
     assert!(worst(&solved) < 1e-2, "{name}: {:e}", worst(&solved));
@@ -220,8 +220,8 @@ fn profiles_reach_their_accuracy(name: &str) {
     assert!(solved.report.reached, "{name}: {:?}", solved.report);
 }
 
-/// The field at a point is not better than that of the thin windings beside it: 0.16 mm above the copper of A,
-/// between two rings, where it is weak.
+/// The field at a point is no more accurate than that of the thin windings beside it: 0.16 mm above
+/// the copper of A, between two rings, where it is weak.
 #[test]
 fn a_profile_beside_thin_copper_reaches_its_accuracy() {
     let (design, solved) = small("A");
@@ -269,7 +269,7 @@ fn a_design_mirrors_itself() {
 
 #[test]
 fn saturation() {
-    // Found by a program of another method: 64 and 137 mT at 10 A.
+    // From a program with another method: 64 and 137 mT at 10 A.
     for (name, centre_t) in [("backplates", 0.064), ("pot", 0.137)] {
         let design = builtin(name).expect("built in");
         let excitation = Excitation::saturating(&design, 10.0);
@@ -284,7 +284,8 @@ fn saturation() {
     }
 }
 
-/// The derivatives at a working point are those between fields of a little less and a little more.
+/// The derivatives at a working point equal the difference quotients between slightly lower and
+/// slightly higher currents.
 #[test]
 fn derivatives_by_the_current_at_saturation() {
     let design = builtin("pot").expect("built in");
@@ -312,10 +313,10 @@ fn resistance_of_the_paper_s_coils() {
     assert!((design.resistance_ohm() - 0.389).abs() < 5e-4);
 }
 
-/// The force is how the energy changes with the gap, found by solving anew at two other gaps.
+/// The force equals the change of the energy with the gap, from solutions at two other gaps.
 #[test]
 fn force_by_moving_the_boards() {
-    // Without a body: what the force acts on is the copper alone.
+    // Without a body: the force acts on the copper alone.
     let text = builtin_text("air").expect("built in");
     let energy = |gap: f64| {
         let design = Design::parse(

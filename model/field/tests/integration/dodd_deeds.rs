@@ -1,5 +1,5 @@
-//! A coil above an infinite plate: Dodd and Deeds, J. Appl. Phys. 39, 2829, 1968, by a Bessel function and
-//! integrals of this file.
+//! A coil above an infinite plate by Dodd and Deeds, J. Appl. Phys. 39, 2829, 1968, with a Bessel
+//! function and integrals of this file.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
@@ -7,8 +7,9 @@ use num_complex::Complex64;
 
 pub(crate) const MU_0: f64 = 4e-7 * PI;
 
-/// J₁: from 25 on Hankel's expansion, off by less than 1e-9 (Abramowitz and Stegun 9.2.5); below Bessel's
-/// own integral, for which the trapezoidal rule is exact to rounding above x points.
+/// J₁: from 25 on Hankel's expansion, off by less than 1e-9 (Abramowitz and Stegun 9.2.5); below 25
+/// Bessel's own integral, for which the trapezoidal rule is exact to rounding with more
+/// than x points.
 fn j1(x: f64) -> f64 {
     if x > 25.0 {
         let y = (8.0 * x).powi(-2);
@@ -41,12 +42,12 @@ fn simpson([from, to]: [f64; 2], panels: u32) -> impl Iterator<Item = (f64, f64)
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ring {
     pub(crate) r_m: [f64; 2],
-    /// Its ends, m.
+    /// Lower and upper end above the plate, m.
     pub(crate) above_m: [f64; 2],
     pub(crate) turns: f64,
 }
 
-/// A plate, or a half-space where it is thick.
+/// A plate, or a half-space if it is thick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plate {
     pub(crate) conductivity: f64,
@@ -62,11 +63,11 @@ pub(crate) struct Spectrum {
 }
 
 impl Spectrum {
-    /// The share of a coil's own inductance that is in waves beyond the last one.
+    /// Share of a coil's own inductance in waves beyond the last one.
     pub(crate) const LEFT_OUT: f64 = 1e-6;
 
-    /// Up to 100 over the section's shorter side or the height: nothing of what comes back from a plate is
-    /// beyond.
+    /// Spectrum up to 100 over the section's shorter side or the height: the reflection of a plate
+    /// has no waves beyond.
     pub(crate) fn of(ring: Ring) -> Self {
         let [width, height] = [ring.r_m, ring.above_m].map(|[from, to]| to - from);
         let along = |alpha: f64| simpson(ring.r_m, 48).map(move |(r, w)| w * r * j1(alpha * r));
@@ -113,7 +114,7 @@ impl Spectrum {
 }
 
 impl Plate {
-    /// The share of a wave e^(−αz) J₁(αr) that comes back from its surface.
+    /// Reflected share of a wave e^(−αz) J₁(αr).
     fn reflection(&self, alpha: f64, omega: f64) -> Complex64 {
         let mu_r = self.mu_r * Complex64::new(1.0, -self.loss_tangent);
         let inside =
@@ -123,7 +124,7 @@ impl Plate {
         sum * difference * (1.0 - twice) / (sum * sum - difference * difference * twice)
     }
 
-    /// A disc of it with its upper face at x = 0.
+    /// A disc of this plate with its upper face at x = 0.
     pub(crate) fn disc(&self, radius_m: f64) -> String {
         format!(
             "[material.m]\nmu_r = {}\nconductivity_S_per_m = {}\nloss_tangent = {}\n\

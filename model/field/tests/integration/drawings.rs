@@ -8,12 +8,13 @@ use palpate_field::geometry::shape::Shape;
 use palpate_field::solve::{Accuracy, Excitation, solve};
 use proptest::prelude::*;
 
-/// A ball of mu_r 3.7 in a field of 1 mT, drawn on the layer `ball` of a file in a folder of its own.
+/// A ball of mu_r 3.7 in a field of 1 mT, drawn on the layer `ball` of a file in a folder of its
+/// own.
 fn design(folder: &str, drawing: &str) -> Result<Design, String> {
     design_of(folder, drawing, "layer = \"ball\"")
 }
 
-/// The same with what stands beside the drawing's name.
+/// The same ball with further text beside the drawing's name.
 fn design_of(folder: &str, drawing: impl AsRef<[u8]>, beside: &str) -> Result<Design, String> {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
     fs::create_dir_all(&folder).expect("a folder");
@@ -27,7 +28,8 @@ fn design_of(folder: &str, drawing: impl AsRef<[u8]>, beside: &str) -> Result<De
     Design::parse(&file, &text).map_err(|error| error.to_string())
 }
 
-/// A drawing as programs write it: header, tables, entities; a group a line here, its code and its value.
+/// A drawing as programs write it: header, tables, entities; here with one group per line, its code
+/// and its value.
 fn drawing(unit: &str, entities: &str) -> String {
     let groups = format!(
         "0 SECTION\n2 HEADER\n9 $ACADVER\n1 AC1015\n9 $INSUNITS\n70 {unit}\n0 ENDSEC\n\
@@ -37,7 +39,7 @@ fn drawing(unit: &str, entities: &str) -> String {
     ended(&groups, "\r\n")
 }
 
-/// Groups as lines of a file, which end with `end`.
+/// The groups as lines of a file with the line ending `end`.
 fn ended(groups: &str, end: &str) -> String {
     let group = |group: &str| {
         let (code, value) = group.split_once(' ').unwrap_or((group, ""));
@@ -46,7 +48,7 @@ fn ended(groups: &str, end: &str) -> String {
     groups.lines().map(group).collect()
 }
 
-/// A half-circle of 10 mm about the origin, in some unit.
+/// A half-circle of 10 mm about the origin, in a given unit.
 fn half_circle(radius: f64) -> String {
     format!(
         "0 TEXT\n8 notes\n1 the ball\n0 ARC\n5 1F\n100 AcDbEntity\n8 ball\n100 AcDbCircle\n10 0.0\n20 0.0\n30 0.0\n\
@@ -54,7 +56,7 @@ fn half_circle(radius: f64) -> String {
     )
 }
 
-/// Open along the axis, in millimetres, metres, inches, and in the design's unit.
+/// The outline is open along the axis, in millimetres, metres, inches, and in the design's unit.
 #[test]
 fn a_drawn_ball_is_a_sphere() {
     for (unit, radius) in [("4", 10.0), ("6", 0.01), ("1", 10.0 / 25.4), ("0", 10.0)] {
@@ -119,7 +121,7 @@ fn a_polyline_is_its_lines_and_arcs() {
     for (index, entities) in slot().iter().enumerate() {
         is_slot(&shape(&format!("slot-{index}"), &entities.concat()));
     }
-    // A circle, and what lies in paper space or on another layer.
+    // A circle, with entities in paper space or on another layer.
     let more = "0 LINE\n8 ball\n67 1\n10 0\n20 0\n11 9\n21 9\n0 SPLINE\n8 notes\n0 CIRCLE\n8 ball\n10 20\n20 0\n40 2\n";
     let circle = shape("circle", more);
     assert!((circle.area_m2() / (4e-6 * std::f64::consts::PI) - 1.0).abs() < 1e-9);
@@ -128,7 +130,7 @@ fn a_polyline_is_its_lines_and_arcs() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 50, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Sides are found in any order, and drawn from either end.
+    /// Sides are found in any order and in either direction.
     #[test]
     fn the_order_of_the_sides_does_not_matter(
         parts in Just(slot()[0].clone()).prop_shuffle(),
@@ -152,7 +154,7 @@ fn drawings_that_make_no_outline_are_refused() {
     let [parts, _] = slot();
     let all = parts.concat();
     let line = "0 LINE\n8 ball\n10 9\n20 2\n11 9\n21 4\n";
-    // Before the first entity stand 18 groups: its name is on line 38.
+    // 18 groups precede the first entity: its name is on line 38.
     for (entities, line, problem) in [
         (
             "0 SPLINE\n8 ball\n".to_owned(),
@@ -250,7 +252,7 @@ fn drawings_that_make_no_outline_are_refused() {
     );
 }
 
-/// A gap is named with its size, also where the outline is open along the axis.
+/// The message names a gap with its size, also if the outline is open along the axis.
 #[test]
 fn a_gap_is_named_with_its_size() {
     let arc =
@@ -275,7 +277,7 @@ fn a_gap_is_named_with_its_size() {
     }
 }
 
-/// The size that was read is said, with where its unit is from; the design overrides the drawing's unit.
+/// The summary states the size and the source of the unit; the design overrides the drawing's unit.
 #[test]
 fn the_design_overrides_the_unit_of_a_drawing() {
     let drawing = drawing("6", &half_circle(5.0));
@@ -293,7 +295,8 @@ fn the_design_overrides_the_unit_of_a_drawing() {
             "{summary}"
         );
     }
-    // A design that is refused says it, too: with another unit its parts overlap, or there is none in the core.
+    // A rejected design states it too: with another unit its parts overlap, or there is none in the
+    // core.
     let plate = "layer = \"ball\" }\n[[plate]]\nname = \"p\"\nmaterial = \"none\"\nshape = { r = [0.0, 1.0], x = [0.0, 1.0]";
     let refused = design_of("unit", &drawing, plate).expect_err("no material");
     assert!(refused.contains(said), "{refused}");
@@ -303,9 +306,10 @@ fn the_design_overrides_the_unit_of_a_drawing() {
     assert!(refused.contains(said), "{refused}");
 }
 
-/// An outline as other programs write it: the layer, as it is called and as it is written; how characters and lines are
-/// written; version, code page and unit; entities, a comma between groups and `@` for the layer; its area with what its
-/// unit is from, or the group at which it is refused, with words.
+/// An outline as other programs write it. Columns: the layer as named and as written; encoding of
+/// characters and lines; version, code page and unit; entities, with a comma between groups and `@`
+/// for the layer; the result: its area with the source of its unit, or the group and words of the
+/// rejection.
 const OF_OTHER_PROGRAMS: &str = r#"
 AutoCAD R12                   | ball      |                | utf-8 crlf         | AC1009           | HEAVY    | slot by length_unit
 AutoCAD R14                   | Körper    |                | ansi crlf handles  | AC1014 ANSI_1252 | LIGHT    | slot by length_unit

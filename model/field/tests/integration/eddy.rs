@@ -1,5 +1,5 @@
-//! Eddy currents and losses that are known: a coil above a plate and a half-space (Dodd and Deeds), a perfect
-//! conductor's image, currents that hardly alternate, and a closed ring.
+//! Eddy currents and losses with known solutions: a coil above a plate and a half-space (Dodd and
+//! Deeds), a perfect conductor's image, the limit of low frequency, and a closed ring.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
@@ -56,7 +56,7 @@ fn accuracy(relative: f64) -> Accuracy {
     }
 }
 
-/// The first coil at a frequency.
+/// Results of the first coil at a frequency.
 fn solved(design: &Design, frequency_hz: f64, relative: f64) -> AcSolved {
     let solved = solve_ac(design, None, frequency_hz, &[0], &accuracy(relative)).expect("a field");
     assert!(solved.reached);
@@ -80,7 +80,7 @@ fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
         loss_tangent: 0.05,
         thickness_m: 2e-3,
     };
-    // Its skin depth of 2 um is far below its thickness: currents flow in its surface.
+    // The skin depth of 2 um is far below the thickness: currents flow in the surface.
     let permalloy = Plate {
         conductivity: 1.8e6,
         mu_r: 1e4,
@@ -154,8 +154,8 @@ fn the_image_of_a_coil_stands_behind_a_perfect_conductor() {
     assert!(off.abs() < 1e-3, "{off}");
 }
 
-/// A ring of one turn carries a current as 1/r: its conductance is h ln(r₁/r₀)/(2πρ). One of many turns
-/// carries it evenly, as the constant one does.
+/// A single-turn ring carries a current proportional to 1/r: its conductance is h ln(r₁/r₀)/(2πρ).
+/// A ring of many turns carries it evenly, like a constant current.
 #[test]
 fn a_current_that_hardly_alternates_is_a_constant_one() {
     let (r_m, x_m) = ([4e-3, 7e-3], [1e-3, 1.1e-3]);
@@ -177,7 +177,7 @@ fn a_current_that_hardly_alternates_is_a_constant_one() {
     }
 }
 
-/// A ring in a closed circuit without any other impedance is a ring of metal.
+/// A ring in a short circuit equals a ring of metal.
 #[test]
 fn a_closed_coil_is_a_ring_of_metal() {
     let (r_m, x_m) = ([3e-3, 6e-3], [-0.5e-3, 0.0]);
@@ -194,8 +194,8 @@ fn a_closed_coil_is_a_ring_of_metal() {
     assert!(off < 1e-5, "{off}");
 }
 
-/// Where triangles are higher than the skin depth, a change from mesh to mesh does not show what they
-/// miss.
+/// If triangles are higher than the skin depth, a change from mesh to mesh does not show their
+/// error.
 #[test]
 fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
     let plate = Plate {
@@ -207,7 +207,8 @@ fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
     let omega = TAU * 3e6;
     let exact = -omega * SPECTRUM.added_by(&plate, omega).im;
     let design = design(&(plate.disc(PLATE_RADIUS_M) + &coil("c", R_M, ABOVE_M, TURNS)));
-    // Most of the resistance is the coil's own, so that its error is not where the mesh is refined for it.
+    // Most of the resistance is the coil's own, so the mesh is not refined where the part's error
+    // is.
     let design = Design {
         resistivity_ohm_m: 1e-4,
         ..design

@@ -1,4 +1,4 @@
-//! Fields that are known in closed form. The oracles share nothing with the solver.
+//! Fields with closed forms. The oracles share no code with the solver.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ fn accuracy(relative: f64) -> Accuracy {
 }
 
 fn solved(design: &Design, relative: f64) -> Solved {
-    // Nothing saturates in these designs; those in a background are solved in it.
+    // No material saturates in these designs; those in a background are solved in it.
     let excitation = Excitation::saturating(design, 1.0);
     solve(design, &excitation, &accuracy(relative)).expect("a field")
 }
@@ -115,8 +115,8 @@ fn spheroids_in_a_uniform_field() {
     }
 }
 
-/// Halves of a sphere in a uniform field: the stress on the plane between them, that of the field
-/// alone subtracted, has a closed form.
+/// Halves of a sphere in a uniform field: the stress on the plane between them, minus that of the
+/// field alone, has a closed form.
 #[test]
 fn halves_of_a_sphere_in_a_uniform_field() {
     let radius_m = 10e-3_f64;
@@ -133,7 +133,7 @@ fn halves_of_a_sphere_in_a_uniform_field() {
     assert!(miss.abs() < 1e-4, "off by {miss:e}");
 }
 
-/// A background does not enter what a small current does.
+/// The effect of a small current does not include a background.
 #[test]
 fn figures_of_a_small_current_are_without_the_background() {
     let text = builtin_text("A").expect("built in");
@@ -146,7 +146,7 @@ fn figures_of_a_small_current_are_without_the_background() {
     };
     let small = |design: &Design| of(design, &Excitation::small(design, 1.0));
     assert_eq!(small(&within), small(&alone));
-    // Little saturates at 10 A: background and current add up.
+    // There is little saturation at 10 A: background and current add up.
     let [both, background] = [10.0, 0.0].map(|a| of(&within, &Excitation::saturating(&within, a)));
     let per_ampere = (both.linkage_wb - background.linkage_wb) / 10.0;
     let inductance_h = small(&alone).linkage_wb;
@@ -246,7 +246,7 @@ fn long_thick_solenoid() {
     assert!((design.resistance_ohm() / exact - 1.0).abs() < 1e-12);
 }
 
-/// Root mean square error of B in a sphere whose field is uniform.
+/// Root mean square error of B in a sphere with a uniform field.
 fn sphere_error(order: u32, halvings: u32) -> f64 {
     let design = uniform(
         "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }",

@@ -3,8 +3,8 @@
 use palpate_field::design::{Design, Named};
 use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
 
-/// A coil above a plate, and a coil with a current of its own above both, all in air. `gap_mm` lies between the
-/// plate and the lower coil, `lift_mm` moves the upper one.
+/// A coil above a plate, and a coil with a current of its own above both, all in air. `gap_mm` is
+/// between the plate and the lower coil, `lift_mm` moves the upper coil.
 fn design(gap_mm: f64, lift_mm: f64, own_current_a: f64) -> Design {
     let text = format!(
         r#"
@@ -55,7 +55,7 @@ fn energy_j(gap_mm: f64, lift_mm: f64) -> f64 {
     0.5 * solved(&design).work_j(&design)
 }
 
-/// At constant currents a linear field pulls where its energy grows.
+/// At constant currents a linear field pulls towards growing energy.
 #[test]
 fn forces_are_those_of_lorentz_and_of_the_energy() {
     let of = design(2.0, 0.0, -2.0);
@@ -83,7 +83,7 @@ fn forces_are_those_of_lorentz_and_of_the_energy() {
     assert_eq!(of.named("upper"), Some(Named::Coil(1)));
 }
 
-/// Where magnetic parts touch, the force between them depends on the gap that opens.
+/// If magnetic parts touch, the force between them depends on the gap that opens.
 #[test]
 fn a_part_that_touches_magnetic_material_has_no_force_of_its_own() {
     let of = design(0.0, 0.0, -2.0);
@@ -96,7 +96,7 @@ fn a_part_that_touches_magnetic_material_has_no_force_of_its_own() {
     assert!(field.lorentz_force_n(0) < 0.0);
 }
 
-/// A current of its own is one in the coil alone, and no part of figures per ampere.
+/// An own current flows in that coil only, and is not part of figures per ampere.
 #[test]
 fn a_coil_carries_its_own_current() {
     let with = design(2.0, 0.0, -2.0);

@@ -1,4 +1,4 @@
-//! Permanent magnets against closed forms. The oracles share nothing with the solver.
+//! Permanent magnets against closed forms. The oracles share no code with the solver.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, sol
 
 const MU_0: f64 = 4e-7 * PI;
 
-/// Magnets with a core, in mm, and nothing else.
+/// A design of magnets with a core, in mm, and no other parts.
 fn design(core: &str, more: &str) -> Design {
     let text = format!("name = \"x\"\nlength_unit = \"mm\"\n[core]\n{core}\n{more}\n");
     Design::parse("x", &text).expect("a design")
@@ -24,8 +24,8 @@ fn solved(design: &Design) -> Solved {
     solved
 }
 
-/// On its axis a cylinder of radius R has B = B_r/2 [z₁/√(z₁² + R²) − z₀/√(z₀² + R²)], inside as outside, with
-/// the distances z₀ and z₁ to its faces.
+/// On its axis a cylinder of radius R has B = B_r/2 [z₁/√(z₁² + R²) − z₀/√(z₀² + R²)], inside and
+/// outside, with the distances z₀ and z₁ to its faces.
 #[test]
 fn a_cylinder_on_its_axis() {
     let design = design(
@@ -49,7 +49,7 @@ fn a_cylinder_on_its_axis() {
     assert_eq!(solved.figures.plate_max_t, 0.0, "a magnet is no soft metal");
 }
 
-/// Inside of a sphere B = 2 B_r/(2 + μ_r), everywhere the same; outside it is that of a dipole.
+/// Inside of a sphere B = 2 B_r/(2 + μ_r) is uniform; outside the field is that of a dipole.
 #[test]
 fn a_sphere_is_uniform() {
     for (mu_r, remanence_t) in [(1.0, 1.2), (1.05, -1.2), (3.0, 0.4)] {
@@ -124,7 +124,7 @@ fn two_spheres_attract_each_other_as_dipoles() {
     }
 }
 
-/// The force on what a magnet holds is the attraction of the halves, by each of three ways.
+/// The force on the held part equals the attraction of the halves, by each of three methods.
 #[test]
 fn a_pot_magnet_holds_its_keeper() {
     let design = builtin("holder").expect("built in");
@@ -150,7 +150,7 @@ fn magnetic_elastomer() -> Design {
     Design::parse("A.toml", &text).expect("a design")
 }
 
-/// Figures per ampere leave the remanence out; at a current the two fields add up.
+/// Figures per ampere omit the remanence; at a current the two fields add up.
 #[test]
 fn a_coil_beside_a_magnet() {
     let design = magnetic_elastomer();
@@ -185,7 +185,8 @@ fn a_coil_beside_a_magnet() {
     }
 }
 
-/// Reciprocity: the flux that a magnet sends through coils is ∫ B_r · H dV with the H of one ampere in them.
+/// Reciprocity: the flux of a magnet through coils is ∫ B_r · H dV with the H of one ampere in
+/// them.
 #[test]
 fn a_magnet_s_flux_is_the_coil_s_field_in_it() {
     let design = magnetic_elastomer();

@@ -1,4 +1,4 @@
-//! Tests of `palpate-field` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-field`: one program, one module per subject.
 
 mod arcs;
 mod designs;

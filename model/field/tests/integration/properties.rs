@@ -1,4 +1,4 @@
-//! What holds for every design, and what no text may do.
+//! Properties of every design, and robustness against any text.
 
 use palpate_field::design::{Design, builtin_names, builtin_text};
 use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
@@ -45,7 +45,7 @@ impl RandomRings {
         self.design_at(|x| x)
     }
 
-    /// The design with every place along the axis, mm, taken to another.
+    /// The design with every axial position, mm, mapped to another.
     fn design_at(&self, place: impl Fn(f64) -> f64) -> Design {
         let [a, b] = self.radii_mm;
         let [r, x] = self.body_mm;
@@ -96,7 +96,7 @@ fn run(design: &Design, currents_a: [f64; 2], saturating: bool) -> Solved {
     solve(design, &excitation, &accuracy).expect("a field")
 }
 
-/// One coil of four does not attract itself: its force of nothing is compared to the field's energy.
+/// A single coil does not attract itself: its zero force is compared to the field's energy.
 #[test]
 fn a_single_coil_reaches_its_accuracy() {
     let design = palpate_field::design::builtin("air").expect("built in");
@@ -112,7 +112,7 @@ fn a_single_coil_reaches_its_accuracy() {
     assert!(solved.report.reached, "{:?}", solved.report);
 }
 
-/// Between the spheroid and the chord of its flattest part lies a corner of the core.
+/// The corner of the core lies between the spheroid and the chord of its flattest part.
 #[test]
 fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
     let random = RandomRings {
@@ -130,8 +130,8 @@ fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
     assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
 }
 
-/// The same designs in every run. Of random ones about one in fifty misses the bar on forces, by up to
-/// a fifth.
+/// The same designs in every run. Of random designs about one in fifty misses the limit on forces,
+/// by up to a fifth.
 fn designs() -> ProptestConfig {
     ProptestConfig {
         cases: 10,
@@ -156,7 +156,7 @@ proptest! {
     fn energy_balances(random in random()) {
         let design = random.design();
         let solved = run(&design, [1.0, 1.0], false);
-        // Every point's energy, to infinity, against the work of the currents.
+        // The energy of every point, to infinity, against the work of the currents.
         let half_work = 0.5 * solved.work_j(&design);
         let miss = solved.energy_j() / half_work - 1.0;
         prop_assert!(miss.abs() < 2e-3, "{miss:e}");
@@ -214,14 +214,14 @@ proptest! {
         let excitation = Excitation::small(&design, 1.0);
         let figures = solve(&design, &excitation, &Accuracy::default()).expect("a field").figures;
         let miss = (figures.force_n - figures.force_by_stress_n).abs();
-        // Where forces cancel they are compared to a fiftieth of the energy over the gap.
+        // Forces that cancel are compared to a fiftieth of the energy over the gap.
         let energy = 0.5 * figures.linkage_wb / (design.core.x_m[1] - design.core.x_m[0]);
         let size = figures.force_n.abs().max(0.02 * energy);
         prop_assert!(miss < 5e-3 * size, "{figures:?}");
     }
 }
 
-/// Replaces, drops or doubles a piece of a real design.
+/// Replaces, removes or doubles a piece of a real design.
 fn damaged() -> impl Strategy<Value = String> {
     let piece = prop_oneof![
         Just(String::new()),
@@ -254,7 +254,7 @@ proptest! {
     #[test]
     fn no_text_panics(text in damaged()) {
         if let Ok(design) = Design::parse("damaged.toml", &text) {
-            // What is accepted can be triangulated, or is refused with a reason.
+            // An accepted design can be triangulated, or is rejected with a reason.
             let _ = palpate_field::mesh::build(&design, palpate_field::mesh::MeshLines::WithCore).map_err(|error| error.to_string());
         }
     }
@@ -265,7 +265,7 @@ proptest! {
     }
 }
 
-/// Each edit of `A.toml`, with what has to be in the message.
+/// Each edit of `A.toml`, with the text that the message must contain.
 #[test]
 fn refusals_name_the_place() {
     let text = builtin_text("A").expect("built in");

@@ -1,4 +1,5 @@
-//! Rings above wide sheets, against Dodd and Deeds: radius, depth and skin depth over three decades.
+//! Rings above wide sheets, against Dodd and Deeds: radius, depth and skin depth over three
+//! decades.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,7 +10,7 @@ use crate::dodd_deeds::{MU_0, Plate, Ring, Spectrum};
 
 const COPPER_S_PER_M: f64 = 5.8e7;
 const RING_RADIUS_M: f64 = 20e-3;
-/// The sheet's radius over the ring's; the reference's sheet is infinite.
+/// Sheet radius divided by ring radius; the reference's sheet is infinite.
 const WIDE: f64 = 500.0;
 
 /// A ring above a sheet.
@@ -21,8 +22,8 @@ struct Case {
 }
 
 impl Case {
-    /// By the sheet's radius over its thickness, that over the skin depth, the ring's height and the width of
-    /// its section over its radius.
+    /// Creates a case from four ratios: sheet radius over thickness, sheet thickness over skin
+    /// depth, and ring height and section width over ring radius.
     fn of([slenderness, skin_depths, height, width]: [f64; 4]) -> Self {
         let sheet_radius_m = WIDE * RING_RADIUS_M;
         let thickness_m = sheet_radius_m / slenderness;
@@ -45,7 +46,8 @@ impl Case {
         }
     }
 
-    /// Evenly spread over three decades of both ratios of the sheet, by multiples of irrational numbers.
+    /// Evenly spread over three decades of both ratios of the sheet, by multiples of irrational
+    /// numbers.
     fn spread(count: u32) -> impl Iterator<Item = Self> {
         let decades = [(0.5, 3.5), (-1.5, 1.5), (-1.0, 0.0), (-1.3, -0.5)];
         let primes: [f64; 4] = [2.0, 3.0, 5.0, 7.0];
@@ -67,8 +69,8 @@ impl Case {
         )
     }
 
-    /// Solves to a relative accuracy and compares L, R and the L of a constant current; returns seconds of
-    /// processor time.
+    /// Solves to a relative accuracy and compares L, R and the L of a constant current; returns the
+    /// processor time in seconds.
     fn check(&self, relative: f64) -> f64 {
         let accuracy = Accuracy {
             relative,
@@ -84,7 +86,7 @@ impl Case {
         let omega = TAU * self.frequency_hz;
         let change = spectrum.added_by(&self.sheet, omega);
         let in_air_h = spectrum.in_air_h();
-        // Of the losses of a dipole at the height h in a thin sheet, 2 h²/r² are beyond r.
+        // In a thin sheet, 2 h²/r² of the losses of a dipole at the height h are beyond r.
         let size_m = self.ring.r_m[1].hypot(self.ring.above_m[1]);
         let beyond_h = 2.0 * (size_m / self.sheet_radius_m).powi(2) * change.norm();
         let reference_h = beyond_h + Spectrum::LEFT_OUT * in_air_h;
@@ -143,14 +145,15 @@ fn rings_over_wide_sheets_are_within_their_stated_errors() {
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn sixty_rings_over_wide_sheets_are_within_their_stated_errors_in_5_s_each() {
-    // Of processor time, a quarter of a second is usual.
+    // Processor time; a quarter of a second is usual.
     for case in Case::spread(60) {
         let seconds = case.check(1e-4);
         assert!(seconds <= 5.0, "{seconds} s");
     }
 }
 
-/// The case of an issue: 200 mm in radius and 30 mm thick was off by 8 % with 0.1 % stated.
+/// Regression test: a sheet of 200 mm radius and 30 mm thickness had an error of 8 % with 0.1 %
+/// stated.
 #[test]
 fn a_wider_sheet_changes_a_ring_by_no_more_than_its_stated_error() {
     let ring = Ring {
@@ -195,8 +198,8 @@ fn a_wider_sheet_changes_a_ring_by_no_more_than_its_stated_error() {
     }
 }
 
-/// Where a sheet is much thicker than the skin depth, but a coil is not far from it, its currents are not
-/// those of a plane wave.
+/// If a sheet is much thicker than the skin depth, but a coil is close to it, its currents differ
+/// from those of a plane wave.
 #[test]
 fn a_coil_within_skin_depths_of_a_thick_sheet_is_within_its_stated_error() {
     for skin_depths_above in [2.0, 10.0, 39.0, 45.0] {
@@ -209,7 +212,7 @@ fn a_coil_within_skin_depths_of_a_thick_sheet_is_within_its_stated_error() {
     }
 }
 
-/// Constant fields about permeable sheets, by the flux through the ring.
+/// Constant fields near permeable sheets, compared by the flux through the ring.
 #[test]
 fn constant_fields_above_wide_permeable_sheets_are_within_their_stated_errors() {
     for mut case in Case::spread(3) {
@@ -218,7 +221,8 @@ fn constant_fields_above_wide_permeable_sheets_are_within_their_stated_errors() 
             mu_r: 20.0,
             ..case.sheet
         };
-        // The core's shells and the parting of the stack are triangulated too, as far as the sheet reaches.
+        // The zones of the core and the parting of the stack are triangulated too, as far as the
+        // sheet reaches.
         let core_r_m = 0.2 * case.sheet_radius_m;
         let disc = case.sheet.disc(case.sheet_radius_m);
         let design = design(&disc, &case.ring, core_r_m, [-core_r_m, core_r_m]);

@@ -16,11 +16,12 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A law that saturates slowly. From ν = ν₀/4 on, at 1.5 T, its magnetisation would fall: no table has that.
+/// A law that saturates slowly. From ν = ν₀/4 on, at 1.5 T, its magnetisation would fall, which no
+/// table has.
 const LAW: &str = "initial_mu_r = 2000\nknee_T = 2.0\nexponent = 4\n";
 const LAW_ENDS_T: f64 = 1.5;
 
-/// The text of the built-in design `pot` with another law of its soft metal.
+/// The text of the built-in design `pot` with another law for its soft metal.
 fn pot(law: &str) -> String {
     let text = builtin_text("pot").expect("built in");
     let old = "initial_mu_r = 1e5\nknee_T = 1.25\nexponent = 12\n";
@@ -28,7 +29,7 @@ fn pot(law: &str) -> String {
     text.replace(old, law)
 }
 
-/// `pot` with its soft metal by a table beside it.
+/// The design `pot` with a table beside it for its soft metal.
 fn by_table(folder: &str, table: impl AsRef<[u8]>) -> Result<Design, String> {
     let folder = self::folder(folder);
     fs::write(folder.join("metal.csv"), table).expect("a table");
@@ -46,7 +47,7 @@ fn metal(design: &Design) -> &Material {
     &metal.expect("a plate").material
 }
 
-/// The law at steps of 0.02 T.
+/// The law sampled at steps of 0.02 T.
 fn sampled() -> String {
     let design = by_law();
     let mut table = "# H in A/m, B in T\n\n".to_owned();
@@ -58,7 +59,8 @@ fn sampled() -> String {
     table
 }
 
-/// A table of the analytic law gives the figures of the law, far below saturation and in it.
+/// A table of the analytic law gives the figures of the law, far below saturation and in
+/// saturation.
 #[test]
 fn a_sampled_law_gives_the_law_s_figures() {
     let law = by_law();
@@ -86,7 +88,8 @@ fn a_sampled_law_gives_the_law_s_figures() {
     }
 }
 
-/// The differential permeability is what B rises by with H, along the field; across it B/H.
+/// The differential permeability is the rise of B with H along the field; across the field it is
+/// B/H.
 #[test]
 fn the_differential_permeability_is_a_difference_quotient() {
     let table = by_table("quotient", sampled()).expect("a design");
@@ -103,7 +106,7 @@ fn the_differential_permeability_is_a_difference_quotient() {
     }
 }
 
-/// The file and the line of what is wrong, and what is allowed.
+/// A message names file, line and problem, and what is allowed.
 #[test]
 fn refused_tables_name_file_and_line() {
     for (name, table, line, problem) in [
@@ -169,8 +172,9 @@ const STEEL: [[f64; 2]; 8] = [
 ];
 const MU_0: f64 = 4e-7 * std::f64::consts::PI;
 
-/// The same steel as other programs, instruments and data sheets write it: what stands before the rows, a row, and
-/// whether it is read or refused: at which line, with which words. `,` in front of a row: numbers with decimal commas.
+/// The same steel as other programs, instruments and data sheets write it. Columns: text before the
+/// rows, a row, and the result: read, or the line and words of the rejection. `,` in front of a
+/// row: numbers with decimal commas.
 const OF_OTHER_PROGRAMS: &str = r#"
 Excel, CSV UTF-8                  | BOM                            | {A/m},{T}␍⏎        | read
 Excel, CSV in German              |                                |,{A/m};{T}␍⏎        | read
@@ -222,7 +226,7 @@ fn tables_of_other_programs() {
         let row = visible(row[1..].trim_end());
         let row = |[h, b]: [f64; 2]| {
             let oersted = h * 4e-3 * std::f64::consts::PI;
-            // Commas between thousands, and narrow blanks.
+            // Commas and narrow blanks as thousands separators.
             let [english, french] = [",", "\u{202f}"].map(|mark| {
                 let [ones, thousands] = [h % 1e3, (h / 1e3).floor()];
                 let grouped = format!("{thousands}{mark}{ones:03}");
@@ -275,7 +279,7 @@ fn tables_of_other_programs() {
     }
 }
 
-/// A table that ends unsaturated is read, and says so: it may be one in kA/m.
+/// A table that ends unsaturated is read with a note: it may be in kA/m.
 #[test]
 fn a_table_that_ends_unsaturated_says_so() {
     let doubt = "(so it ends before saturation, or H is not in A/m)";
@@ -287,7 +291,7 @@ fn a_table_that_ends_unsaturated_says_so() {
     }
 }
 
-/// Sharp knees are solved at a cost that is known: 17 s at most on two cores.
+/// Sharp knees are solved at a known cost: 17 s at most on two cores.
 #[test]
 fn a_sharp_knee_is_solved_in_seconds() {
     for (table, current_a) in [
@@ -304,7 +308,8 @@ fn a_sharp_knee_is_solved_in_seconds() {
     }
 }
 
-/// A field beyond the last point is said, with the part, and how far; one within is not.
+/// A field beyond the last point is reported with the part and the excess; a field within the table
+/// is not.
 #[test]
 fn a_field_beyond_the_table_is_said() {
     let (ends_t, rows) = (0.8, 2 + 40);
@@ -328,7 +333,7 @@ fn a_field_beyond_the_table_is_said() {
     }
 }
 
-/// What is said of a table by this name.
+/// The message about a table with this name.
 fn named(folder: &str, table: &str) -> String {
     let file = self::folder(folder).join("pot.toml");
     let text = format!(

@@ -9,19 +9,20 @@ use toml::Spanned;
 use super::Reader;
 use crate::design::{DesignError, FileRead};
 
-/// Most bytes of such a file: a thousand times a table of a data sheet, or a drawing of 2,000 lines.
+/// Largest size of such a file in bytes: a thousand times a table of a data sheet, or a drawing of
+/// 2,000 lines.
 const MOST_BYTES: u64 = 2_000_000;
 
 /// A file beside a design.
 pub(super) struct Beside {
-    /// Where it is, for messages.
+    /// Path, for messages.
     pub(super) file: String,
-    /// What it holds.
+    /// Contents.
     pub(super) text: String,
 }
 
 impl Beside {
-    /// An error in one of its lines, counted from 1.
+    /// Creates an error in one of its lines, counted from 1.
     pub(super) fn error(
         &self,
         line: usize,
@@ -39,8 +40,8 @@ impl Beside {
 }
 
 impl Reader<'_> {
-    /// Reads a file whose path is relative to the design's folder. Pipes and devices, which may never end, are
-    /// refused.
+    /// Reads a file whose path is relative to the design's folder. Rejects pipes and devices, which
+    /// may never end.
     pub(super) fn beside(
         &self,
         name: &Spanned<String>,
@@ -80,7 +81,7 @@ impl Reader<'_> {
         Ok(beside)
     }
 
-    /// Keeps in mind what was read of a file, for people.
+    /// Records a summary of a file for the user.
     pub(super) fn note(&self, beside: &Beside, summary: String) {
         self.files.borrow_mut().push(FileRead {
             file: beside.file.clone(),
@@ -89,11 +90,11 @@ impl Reader<'_> {
     }
 }
 
-/// The characters 0x80 to 0x9F of Windows-1252; those from 0xA0 on are Unicode's.
+/// The characters 0x80 to 0x9F of Windows-1252; from 0xA0 on its characters equal Unicode.
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
-/// UTF-8 without a mark before it, or else Windows-1252, as comments and the layers of old drawings are. A carriage
-/// return alone ends a line, too.
+/// Decodes UTF-8 without its byte order mark, or else Windows-1252, as in comments and layers of
+/// old drawings. A carriage return alone also ends a line.
 fn text(bytes: Vec<u8>) -> String {
     let text = String::from_utf8(bytes).unwrap_or_else(|error| {
         let character = |&byte: &u8| match byte {

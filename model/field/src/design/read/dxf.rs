@@ -1,7 +1,8 @@
-//! Outlines of DXF drawings: what of the ASCII format a cross-section needs.
+//! Outlines from DXF drawings: the part of the ASCII format that a cross-section needs.
 //!
-//! A drawing is a list of groups, a code on one line and its value on the next (Autodesk, DXF reference, 2012).
-//! X is r and Y is x; elevations are not read, and neither is what is invisible or in paper space.
+//! A drawing is a list of groups, a code on one line and its value on the next (Autodesk, DXF
+//! reference, 2012). X is r and Y is x; elevations, invisible entities and paper space are not
+//! read.
 
 use core::f64::consts::TAU;
 
@@ -12,18 +13,18 @@ use crate::geometry::Point;
 
 const UNDERSTOOD: &str = "LINE, ARC, CIRCLE, LWPOLYLINE and POLYLINE: explode blocks, draw splines and ellipses as arcs, move the rest to another layer";
 const ASCII: &str = "an ASCII DXF file: lines of group codes, each with its value on the next line";
-/// Lines and arcs on one layer.
+/// Largest number of lines and arcs on one layer.
 const MOST_SIDES: usize = 2_000;
-/// Flags of a POLYLINE that is a curve through its vertices or about them, or a mesh: 2, 4, 16 and 64.
+/// Flags of a POLYLINE that is a mesh or a curve through or near its vertices: 2, 4, 16 and 64.
 const NO_OUTLINE: i32 = 2 | 4 | 16 | 64;
-/// Layers that a message names.
+/// Largest number of layers that a message names.
 const MOST_LAYERS: usize = 50;
 
 /// A line or an arc of a drawing, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drawn {
     pub(super) from: Point,
-    /// A point of the arc; none for a line.
+    /// A point of the arc; `None` for a line.
     pub(super) through: Option<Point>,
     pub(super) to: Point,
     /// Line of the file.
@@ -31,7 +32,7 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    /// The same from the other end.
+    /// The same line or arc in the opposite direction.
     pub(super) fn reversed(&self) -> Self {
         Self {
             from: self.to,
@@ -50,16 +51,16 @@ struct Group<'t> {
     line: usize,
 }
 
-/// The unit of a drawing.
+/// Unit of a drawing.
 #[derive(Clone, Copy)]
 pub(super) enum DrawingUnit {
-    /// This one, m, whatever the drawing says.
+    /// This unit, m, whatever the drawing states.
     Given(f64),
-    /// The drawing's own, or this one, m, where it names none.
+    /// The drawing's own unit, or this one, m, if it states none.
     Named(f64),
 }
 
-/// The lines and arcs on a layer of a drawing, and its unit in words.
+/// Returns the lines and arcs on a layer of a drawing, and its unit in words.
 pub(super) fn drawn(
     beside: &Beside,
     layer: &str,
@@ -111,7 +112,7 @@ pub(super) fn drawn(
     Ok((sides, unit))
 }
 
-/// A name in which `\U+XXXX` stands for a character.
+/// Decodes a name in which `\U+XXXX` stands for a character.
 fn unescaped(text: &str) -> String {
     let mut pieces = text.split(r"\U+");
     let mut name = pieces.next().unwrap_or_default().to_owned();
@@ -159,13 +160,13 @@ fn groups(beside: &Beside) -> Result<Vec<Group<'_>>, DesignError> {
     Ok(groups)
 }
 
-/// The value of a variable in the header.
+/// Value of a variable in the header.
 fn variable<'g, 't>(groups: &'g [Group<'t>], name: &str) -> Option<&'g Group<'t>> {
     let named = |pair: &&[Group<'_>]| matches!(pair, [is, _] if is.code == 9 && is.value == name);
     groups.windows(2).find(named).and_then(|pair| pair.last())
 }
 
-/// The unit that the drawing names, m, and in words.
+/// Unit stated in the drawing, m, and in words.
 fn insunits(beside: &Beside, groups: &[Group<'_>]) -> Result<Option<(f64, String)>, DesignError> {
     let Some(unit) = variable(groups, "$INSUNITS") else {
         return Ok(None);
@@ -186,7 +187,7 @@ fn insunits(beside: &Beside, groups: &[Group<'_>]) -> Result<Option<(f64, String
     Ok(metre(name).map(|metre| (metre, format!("$INSUNITS, {name}"))))
 }
 
-/// The groups of each entity, from its name on; those of a POLYLINE with its vertices.
+/// The groups of each entity, starting with its name; those of a POLYLINE include its vertices.
 fn entities<'g, 't>(
     beside: &Beside,
     groups: &'g [Group<'t>],
@@ -217,7 +218,7 @@ struct Entity<'e, 't> {
 }
 
 impl<'t> Entity<'_, 't> {
-    /// A group of its own, not of its vertices.
+    /// A group of the entity itself, not of its vertices.
     fn group(&self, code: i32) -> Option<&Group<'t>> {
         let mut own = self.groups.iter().skip(1);
         let mut own = own.by_ref().take_while(|group| group.code != 0);
@@ -256,7 +257,7 @@ impl<'t> Entity<'_, 't> {
         self.number_of(group)
     }
 
-    /// A length, m: at most 10 m.
+    /// Reads a length, m: at most 10 m.
     fn length(&self, value: f64, line: usize) -> Result<f64, DesignError> {
         let metres = value * self.unit_m;
         if metres.abs() <= 10.0 {
@@ -275,7 +276,7 @@ impl<'t> Entity<'_, 't> {
         Ok([self.length(r, self.line())?, self.length(x, self.line())?])
     }
 
-    /// Adds what it draws.
+    /// Adds the sides that the entity draws.
     fn draw(&self, sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
         if !["LINE", "ARC", "CIRCLE", "LWPOLYLINE", "POLYLINE"].contains(&self.name()) {
             return Err(self.not_understood());
@@ -315,7 +316,7 @@ impl<'t> Entity<'_, 't> {
         self.beside.error(self.line(), problem, UNDERSTOOD)
     }
 
-    /// Refuses what is drawn in another plane, in which X and Y mean something else.
+    /// Rejects entities in another plane, where X and Y have another meaning.
     fn check_plane(&self) -> Result<(), DesignError> {
         match self.group(230) {
             Some(group) if (self.number_of(group)? - 1.0).abs() > 1e-6 => {
@@ -327,7 +328,7 @@ impl<'t> Entity<'_, 't> {
         }
     }
 
-    /// Counterclockwise from an angle.
+    /// An arc from the angle `start`, counterclockwise by `turn`.
     fn arc(&self, start: f64, turn: f64) -> Result<Drawn, DesignError> {
         let centre = self.point(10, 20)?;
         let radius = self.length(self.number(40)?, self.line())?;
@@ -350,14 +351,14 @@ impl<'t> Entity<'_, 't> {
         })
     }
 
-    /// Bits; 0 without the group.
+    /// Flag bits; 0 without the group.
     fn flags(&self, code: i32) -> i32 {
         let flags = self.text(code).and_then(|flags| flags.parse().ok());
         flags.unwrap_or(0)
     }
 
-    /// A polyline's sides from the groups of its vertices; each has a bulge, the tangent of a quarter of its arc's
-    /// angle.
+    /// Adds a polyline's sides from the groups of its vertices. The bulge of a side is the tangent
+    /// of a quarter of its arc's angle.
     fn polyline(&self, groups: &[Group<'_>], sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
         let mut vertices: Vec<(Point, f64, usize)> = Vec::new();
         for group in groups.iter().skip(1) {
@@ -408,7 +409,7 @@ mod tests {
         }
     }
 
-    /// Groups as a drawing.
+    /// A drawing from groups.
     fn drawing(entities: &str) -> String {
         let groups = format!("0 SECTION 2 ENTITIES {entities} 0 ENDSEC 0 EOF");
         groups.split(' ').map(|word| format!("{word}\n")).collect()
@@ -425,7 +426,7 @@ mod tests {
         assert_eq!((sides[0].from, sides[0].to), ([1.0, 0.0], [2.0, 0.0]));
         let near = |a: Point, b: Point| crate::geometry::distance(a, b) < 1e-12;
         assert!(near(sides[1].through.expect("an arc"), [3.0, 1.0]));
-        // From (1, 2) down to (1, 0), counterclockwise: to the right of the way is -r.
+        // From (1, 2) down to (1, 0), counterclockwise: the right-hand side is -r.
         assert!(near(sides[3].through.expect("a bulge"), [0.5, 1.0]));
         assert_eq!(closed(&beside(""), sides).expect("a loop").len(), 4);
     }

@@ -1,4 +1,4 @@
-//! What a file may hold.
+//! Entries of a design file.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
-/// A number, or arithmetic with the parameters.
+/// A number, or an expression with the parameters.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a number, or a text like \"1.64 + gap\"")]
 pub(super) enum Number {
@@ -146,13 +146,14 @@ pub(super) struct ShapeFile {
     pub(super) semi_x: Option<SpannedNumber>,
 }
 
-/// What stands in an outline: a corner [r, x], or { through = [r, x] }, a point of an arc to the next corner.
+/// An entry of an outline: a corner [r, x], or { through = [r, x] }, a point of the arc to the next
+/// corner.
 pub(super) enum OutlineEntry {
     Corner([SpannedNumber; 2]),
     Through([SpannedNumber; 2]),
 }
 
-/// By hand, since derived untagged enums lose the place of what is in them.
+/// Implemented by hand, since derived untagged enums lose the location of their contents.
 impl<'de> Deserialize<'de> for OutlineEntry {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(OutlineVisitor)

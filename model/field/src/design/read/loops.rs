@@ -1,17 +1,18 @@
-//! One closed outline from lines and arcs in any order.
+//! Builds one closed outline from lines and arcs in any order.
 
 use super::beside::Beside;
 use super::dxf::Drawn;
 use crate::design::DesignError;
 use crate::geometry::{Point, distance};
 
-/// Ends this near are one: more than drawings are rounded to, a tenth of the thinnest part.
+/// Distance below which two ends are joined, m: more than the rounding of drawings, a tenth of the
+/// thinnest part.
 const JOINED_M: f64 = 1e-7;
 
 const MEETING: &str = "lines and arcs that meet within 0.1 um, or end on the axis, r = 0";
 
-/// The sides in the order in which they meet, each from where the one before ends. An outline may be open along
-/// the axis.
+/// Orders and reverses the sides so that each starts where the previous one ends. An outline may be
+/// open along the axis.
 pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, DesignError> {
     let line = drawn.first().map_or(1, |side| side.line);
     let mut rest: Vec<Drawn> = drawn.into_iter().map(on_axis).filter(has_length).collect();
@@ -32,7 +33,7 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
     };
     let mut start = start;
     if !rest.is_empty() && distance(start.from, end.to) > JOINED_M {
-        // The first side was in the middle.
+        // The first side was in the middle of the chain: reverse it and extend the other end.
         chain = chain.iter().rev().map(Drawn::reversed).collect();
         extend(beside, &mut chain, &mut rest)?;
         (start, end) = (
@@ -74,7 +75,7 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
     Ok(chain)
 }
 
-/// Adds side after side to a chain, while one begins or ends where it ends.
+/// Extends a chain side by side, while a side has an end where the chain ends.
 fn extend(
     beside: &Beside,
     chain: &mut Vec<Drawn>,
@@ -112,7 +113,7 @@ fn extend(
     Ok(())
 }
 
-/// The end of a side that is nearest to one of two places: how far, m, where, and its line.
+/// The end of a side that is nearest to one of two points: distance, m, position, and its line.
 fn nearest(places: [Point; 2], sides: &[Drawn]) -> Option<(f64, Point, usize)> {
     let ends = sides
         .iter()
@@ -124,13 +125,13 @@ fn nearest(places: [Point; 2], sides: &[Drawn]) -> Option<(f64, Point, usize)> {
     apart.min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Whether it is more than a point: programs repeat vertices, and write lines from a point to itself.
+/// Whether it is longer than a point: programs repeat vertices, and write lines of zero length.
 fn has_length(side: &Drawn) -> bool {
     let [through, to] = [side.through.unwrap_or(side.from), side.to];
     distance(side.from, through).max(distance(side.from, to)) > JOINED_M
 }
 
-/// Ends that are drawn on the axis are exactly on it.
+/// Moves ends drawn on the axis exactly onto it.
 fn on_axis(side: Drawn) -> Drawn {
     let snapped = |[r, x]: Point| [if r.abs() <= JOINED_M { 0.0 } else { r }, x];
     Drawn {

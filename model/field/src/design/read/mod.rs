@@ -1,4 +1,4 @@
-//! The file format: TOML, read strictly.
+//! Strict reader of the TOML file format.
 
 mod beside;
 mod dxf;
@@ -22,7 +22,7 @@ use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 const UNITS: &str = "\"m\", \"cm\", \"mm\", \"um\", \"in\"";
 const MATERIALS: &str = "{ mu_r }, { mu_r, remanence_T }, { mu_r, saturation_A_per_m }, { initial_mu_r, knee_T, exponent } or { bh_table }";
 
-/// A material as it stands in the file.
+/// A material as written in the file.
 struct ReadMaterial {
     law: Material,
     remanence_t: f64,
@@ -64,11 +64,12 @@ struct Reader<'t> {
     text: &'t str,
     metre: f64,
     parameters: BTreeMap<String, f64>,
-    /// What was read beside the text so far.
+    /// Files beside the text that have been read so far.
     files: RefCell<Vec<FileRead>>,
 }
 
-/// The first text of a file, `about` left out, that has a character which a terminal applies.
+/// Location of the first text of a file, except `about`, with a character that a terminal
+/// interprets.
 fn control_character(text: &str) -> Option<Range<usize>> {
     let mut table = DeTable::parse(text).ok()?.into_inner();
     table.remove("about");
@@ -93,7 +94,7 @@ fn controlling<T>(place: &Spanned<T>, text: &str) -> Option<Range<usize>> {
     text.contains(char::is_control).then(|| place.span())
 }
 
-/// A unit of length by its name, m.
+/// Length of a unit by its name, m.
 fn metre(name: &str) -> Option<f64> {
     match name {
         "m" => Some(1.0),
@@ -123,7 +124,7 @@ impl Reader<'_> {
         }
     }
 
-    /// An error with what was read of files: a drawing in another unit overlaps what is near.
+    /// Adds to an error what was read of files: a drawing in another unit may cause the overlap.
     fn with_files(&self, mut error: DesignError) -> DesignError {
         for file in self.files.take() {
             if error.file == self.file {
@@ -133,7 +134,7 @@ impl Reader<'_> {
         error
     }
 
-    /// A unit of length, m.
+    /// Reads a unit of length, m.
     fn unit(&self, unit: &Spanned<String>, place: &str) -> Result<f64, DesignError> {
         metre(unit.get_ref()).ok_or_else(|| {
             let problem = format!("is {:?}", unit.get_ref());
@@ -181,7 +182,7 @@ impl Reader<'_> {
         ))
     }
 
-    /// A length: at most 10 m from the origin.
+    /// Reads a length: at most 10 m from the origin.
     fn length(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.number(value, place)? * self.metre;
         if metres.abs() <= 10.0 {
@@ -191,7 +192,7 @@ impl Reader<'_> {
         Err(self.error(&value.span(), place, problem, "-10 m to 10 m"))
     }
 
-    /// A distance from the axis.
+    /// Reads a distance from the axis.
     fn radius(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.length(value, place)?;
         if metres >= 0.0 {
@@ -200,7 +201,7 @@ impl Reader<'_> {
         Err(self.error(&value.span(), place, "is below the axis", "r of 0 or more"))
     }
 
-    /// From and to, at least [`check::THINNEST_M`] apart.
+    /// Reads two ends that are at least [`check::THINNEST_M`] apart.
     fn range(
         &self,
         pair: &Pair,
@@ -323,7 +324,7 @@ impl Reader<'_> {
         })
     }
 
-    /// The remanence of a magnet; 0 for anything else.
+    /// Remanence of a magnet; 0 for any other material.
     fn remanence(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<f64, DesignError> {
         let m = entry.get_ref();
         let Some(remanence) = &m.remanence else {

@@ -1,4 +1,4 @@
-//! Coils, boards, bodies and plates of a file.
+//! Reading coils, boards, bodies and plates of a file.
 
 use std::collections::BTreeMap;
 
@@ -15,9 +15,9 @@ use crate::geometry::shape::Shape;
 
 const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] }, { outline_dxf = \"FILE\", layer = \"NAME\", drawing_unit = \"mm\" (where the drawing does not say it) } or { centre_x, semi_r, semi_x }";
 const ARCS: &str = "corner, { through = [r, x] }, corner: an arc from one to the other through a point beside their line";
-/// A file may ask for so many rings in all, by far more than any board has.
+/// Largest total number of rings, far more than any board has.
 const MOST_RINGS: usize = 2_000;
-/// Corners of one outline.
+/// Largest number of corners of one outline.
 const MOST_CORNERS: usize = 2_000;
 
 impl Reader<'_> {
@@ -101,7 +101,7 @@ impl Reader<'_> {
         })
     }
 
-    /// The current of a coil that is not in series with the others.
+    /// Current of a coil that is not in series with the others.
     fn own_current_a(&self, coil: &CoilFile, place: &str) -> Result<Option<f64>, DesignError> {
         let Some(current) = &coil.current else {
             return Ok(None);
@@ -168,7 +168,7 @@ impl Reader<'_> {
         })
     }
 
-    /// How a body is cut, and the share of it that is left.
+    /// Reads how a body is cut, and its remaining share.
     fn cut(
         &self,
         part: &PartFile,
@@ -305,7 +305,7 @@ impl Reader<'_> {
         }
     }
 
-    /// An outline that is drawn on a layer of a file.
+    /// Reads an outline from a layer of a drawing.
     fn outline_dxf(
         &self,
         name: &Spanned<String>,
@@ -316,7 +316,7 @@ impl Reader<'_> {
         let beside = self.beside(name, &format!("{place}.outline_dxf"))?;
         let (drawn, unit) = drawn(&beside, layer, unit)?;
         let drawn = closed(&beside, drawn)?;
-        // Programs write a bulge of rounding where a side is straight.
+        // Programs write a bulge of rounding size for a straight side.
         let bent = |side: &Drawn, through| Path::arc_through(side.from, through, side.to).is_some();
         let side = |side: &Drawn| Side {
             from: side.from,
@@ -345,8 +345,8 @@ impl Reader<'_> {
     }
 }
 
-/// The outline of sides that end where the next begins; else which side is wrong, in what way, and what is
-/// allowed.
+/// Joins sides that each end where the next starts into an outline; on failure returns the index of
+/// the wrong side, the problem and what is allowed.
 fn joined(sides: &[Side]) -> Result<Shape, (usize, &'static str, &'static str)> {
     if sides.iter().all(|side| side.through.is_none()) {
         return Ok(Shape::Polygon(sides.iter().map(|side| side.from).collect()));
@@ -375,7 +375,7 @@ fn joined(sides: &[Side]) -> Result<Shape, (usize, &'static str, &'static str)> 
     Ok(Shape::Outline(paths))
 }
 
-/// A side of an outline: where it begins, and a point of its arc, with the place at which it stands in its file.
+/// A side of an outline: its start, and a point of its arc, with their location in the file.
 struct Side {
     from: Point,
     through: Option<(Point, usize)>,

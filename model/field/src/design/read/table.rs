@@ -1,4 +1,4 @@
-//! Tables of H and B.
+//! Reading tables of H and B.
 
 use toml::Spanned;
 
@@ -8,11 +8,11 @@ use crate::design::DesignError;
 use crate::material::{BhCurve, MU_0};
 
 const COLUMNS: &str = "two columns, H in A/m and B in T; decimal commas with ; or tabs between the columns; # or % before headings and comments";
-/// More points than any table has.
+/// Largest number of points, more than any table has.
 const MOST_POINTS: usize = 10_000;
 
 impl Reader<'_> {
-    /// The curve of a table in a file.
+    /// Reads the curve of a table in a file.
     pub(super) fn bh_table(
         &self,
         name: &Spanned<String>,
@@ -43,8 +43,8 @@ impl Reader<'_> {
     }
 }
 
-/// H and B of a row, parted by semicolons, tabs, blanks or commas. Where a semicolon or a tab parts the columns, a comma
-/// is a decimal mark.
+/// Reads H and B of a row, separated by semicolons, tabs, blanks or commas. If a semicolon or a tab
+/// separates the columns, a comma is a decimal mark.
 fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignError> {
     let decimal_comma = row.contains([';', '\t']) && row.contains(',');
     if decimal_comma && row.contains('.') {
@@ -66,12 +66,12 @@ fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignErro
     Ok([number(h)?, number(b)?])
 }
 
-/// A point in A/m and T from two columns that hold something else.
+/// Converts a point from two columns of other contents to A/m and T.
 type Reading = fn([f64; 2]) -> [f64; 2];
 
 /// One oersted, A/m.
 const OERSTED: f64 = 1e3 / (4.0 * core::f64::consts::PI);
-/// What other programs and data sheets have in two columns.
+/// Common other contents of two columns in programs and data sheets.
 const READINGS: [(&str, Reading); 9] = [
     ("B in T before H in A/m: swap the columns", |[b, h]| [h, b]),
     ("H in A/m and B in mT", |[h, b]| [h, 1e-3 * b]),
@@ -84,7 +84,7 @@ const READINGS: [(&str, Reading); 9] = [
     ("H and M in A/m", |[h, m]| [h, MU_0 * (m + h)]),
 ];
 
-/// What the columns may hold instead, to be said behind what is allowed.
+/// Likely other contents of the columns, as an addition to a message.
 fn suspicion(points: &[[f64; 2]]) -> String {
     let fits = |reading: &Reading| plausible(points.iter().map(|&point| reading(point)));
     let readings = READINGS.iter().filter(|(_, reading)| fits(reading));
@@ -95,8 +95,8 @@ fn suspicion(points: &[[f64; 2]]) -> String {
     format!(" (the columns look like {})", names.join(", or "))
 }
 
-/// Whether points are about those of a soft magnetic material: B rises with H, by four fifths of vacuum's rise or more,
-/// to 0.05 to 2.5 T of polarisation; its permeability is 1 to 1e6.
+/// Whether points resemble those of a soft magnetic material: B rises with H, by at least four
+/// fifths of vacuum's rise, to a polarisation of 0.05 to 2.5 T; the permeability is 1 to 1e6.
 fn plausible(points: impl Iterator<Item = [f64; 2]>) -> bool {
     let points: Vec<[f64; 2]> = points.filter(|[h, _]| *h != 0.0).collect();
     let rises = |[h0, b0]: &[f64; 2], [h, b]: &[f64; 2]| h > h0 && b - b0 >= 0.8 * MU_0 * (h - h0);
@@ -107,11 +107,11 @@ fn plausible(points: impl Iterator<Item = [f64; 2]>) -> bool {
         && end.is_some_and(|j| (0.05..2.5).contains(&j))
 }
 
-/// A table that ends with a steeper rise is not saturated, or H is in kA/m or Oe: of 29 curves of FEMM's library 28 end
-/// below 14 times vacuum's.
+/// Final slope, in multiples of vacuum's, above which a table is not saturated, or H is in kA/m or
+/// Oe: of the 29 curves of FEMM's library, 28 end below 14.
 const UNSATURATED: f64 = 50.0;
 
-/// What was read, in words.
+/// Summary of the table in words.
 fn summary(points: &[[f64; 2]], curve: &BhCurve) -> String {
     let [h, b] = curve.end();
     let doubt = if curve.end_mu_r() > UNSATURATED {

@@ -1,4 +1,4 @@
-//! What each triangle contributes to the equations.
+//! Contribution of each triangle to the equations.
 
 use core::f64::consts::TAU;
 
@@ -13,11 +13,11 @@ use crate::material::MU_0;
 use crate::mesh::{Triangle, ascending};
 use crate::solve::assembly::{along, combine, on_side};
 
-/// What is left of the vacuum's reluctivity inside of a part of which the surface carries all currents.
+/// Remaining fraction of vacuum's reluctivity inside a part whose surface carries all currents.
 const LEFT_OUT: f64 = 1e-9;
 
 impl System<'_> {
-    /// Adds a triangle's entries, and what coils drive in it.
+    /// Adds the entries of a triangle, and the sources of coils in it.
     pub(super) fn add_triangle(
         &self,
         index: usize,
@@ -92,7 +92,7 @@ impl System<'_> {
         assembled.entries.extend(matrix);
     }
 
-    /// The differential reluctivity at a point that was placed.
+    /// Differential reluctivity at a placed point.
     fn reluctivity(
         &self,
         region: &AcRegion,
@@ -110,7 +110,7 @@ impl System<'_> {
             .differential(b)
     }
 
-    /// Adds the currents in those sides of a triangle that are the surface of its part.
+    /// Adds the surface currents on those sides of a triangle that are the surface of its part.
     fn add_surface(
         &self,
         index: usize,

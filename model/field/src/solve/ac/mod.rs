@@ -1,8 +1,8 @@
 //! Alternating fields: eddy currents and lossy permeability at one frequency.
 //!
 //! Phasors e^(iωt), linear about a constant field by the differential reluctivity, without
-//! displacement currents. Rings of one turn are solid copper, in which the current crowds; parts with a
-//! conductivity carry the currents that are induced in circles.
+//! displacement currents. Rings of one turn are solid copper with current crowding; parts with a
+//! conductivity carry induced currents in circles.
 
 mod local;
 mod region;
@@ -23,73 +23,74 @@ use crate::mesh::{self, Mesh, MeshLines};
 use region::is_solid;
 use system::System;
 
-/// A coil at a frequency, all others open.
+/// Results for a coil at a frequency, all other coils open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcCoil {
-    /// Its index in the design.
+    /// Index in the design.
     pub coil: usize,
     /// Inductance, H.
     pub inductance_h: f64,
-    /// Resistance in series, Ω.
+    /// Series resistance, Ω.
     pub resistance_ohm: f64,
-    /// Estimated absolute errors of both, H and Ω, and of `dc_inductance_h`.
+    /// Estimated absolute errors of the inductance, H, the resistance, Ω, and `dc_inductance_h`.
     pub errors: [f64; 3],
-    /// What currents that may be thinner than the mesh make of these, H and Ω: part of the errors.
+    /// Contribution of currents that may be thinner than the mesh to these three, H and Ω: part of
+    /// the errors.
     coarse: [f64; 3],
-    /// How much these differ from those on the mesh before, H and Ω.
+    /// Changes of these three from the previous mesh, H and Ω.
     changes: [f64; 3],
-    /// Inductance of a current that is spread evenly and constant but for small changes, H.
+    /// Inductance for small changes of a constant, evenly distributed current, H.
     pub dc_inductance_h: f64,
-    /// Resistance at a constant current, Ω.
+    /// Resistance for a constant current, Ω.
     pub dc_resistance_ohm: f64,
-    /// The share of the resistance that each coil's copper makes, Ω.
+    /// Share of each coil's copper in the resistance, Ω.
     pub by_coil_ohm: Vec<f64>,
-    /// The share of the resistance that each part makes, Ω.
+    /// Share of each part in the resistance, Ω.
     pub by_part_ohm: Vec<f64>,
 }
 
-/// Coils at a frequency.
+/// Results for coils at a frequency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcSolved {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// The coils that were asked for.
+    /// The requested coils.
     pub coils: Vec<AcCoil>,
-    /// Voltage on each coil (row) per ampere in each (column), the others open, Ω.
+    /// Voltage on each coil (row) per ampere in each coil (column), the others open, Ω.
     pub impedance_ohm: Vec<Vec<Complex64>>,
-    /// Unknowns on the last mesh.
+    /// Number of unknowns on the last mesh.
     pub unknowns: usize,
-    /// Meshes that were solved on.
+    /// Number of meshes.
     pub levels: usize,
-    /// Whether L and R of all coils that were asked for are as accurate as asked for; otherwise
-    /// refinement ended at [`Accuracy::most_unknowns`].
+    /// Whether L and R of all requested coils have the requested accuracy; otherwise refinement
+    /// ended at [`Accuracy::most_unknowns`].
     pub reached: bool,
 }
 
-/// Share of the indicator that is refined at a time. On a ring above 30 mm of copper at 100 kHz more takes
-/// up to twice as long, since the last mesh is finer than it has to be.
+/// Share of the indicator that is refined at a time. On a ring above 30 mm of copper at 100 kHz a
+/// larger share takes up to twice as long, since the last mesh is finer than necessary.
 const SHARE: f64 = 0.4;
-/// The change from mesh to mesh is nearly the error of the coarser one. Factor and memory are those of
-/// constant fields.
+/// Safety factor: the change from mesh to mesh is nearly the error of the coarser one. Factor and
+/// memory are those of constant fields.
 const SAFETY: f64 = 3.0;
-/// So much of the change before still counts, since one may vanish by chance.
+/// Fraction of the previous change that still counts, since a change may vanish by chance.
 const MEMORY: f64 = 0.5;
 
-/// One change says little: at least two count. On the sensing coil above design A the first was a tenth
-/// of the error.
+/// Fewest meshes, since a single change may be too small by chance: on the sensing coil above
+/// design A the first change was a tenth of the error.
 const LEAST_MESHES: usize = 3;
-/// Each mesh has so many times more triangles than the one before, at least: where it is hardly finer,
-/// little change says little.
+/// Smallest ratio of triangles from mesh to mesh: if a mesh is hardly finer, a small change means
+/// little.
 const GROWTH: f64 = 1.3;
-/// Score of each half of a triangle over that of the whole: a sixteenth in smooth fields, for cubic
-/// polynomials, and a half at singular corners.
+/// Score of each half of a triangle divided by that of the whole: a sixteenth in smooth fields, for
+/// cubic polynomials, and a half at singular corners.
 const HALVED: f64 = 0.25;
 
-/// Solves for alternating currents in coils of a design, about a constant field that was solved before,
-/// or about none. [`Accuracy::relative`] is that of each coil's L and R.
+/// Solves for alternating currents in coils of a design, about a solved constant field or about
+/// zero. [`Accuracy::relative`] applies to each coil's L and R.
 ///
 /// # Errors
-/// [`SolveError`] where the design cannot be triangulated.
+/// [`SolveError`] if the design cannot be triangulated.
 pub fn solve_ac(
     design: &Design,
     about: Option<&Solved>,
@@ -134,18 +135,18 @@ pub fn solve_ac(
     }
 }
 
-/// A mesh that is [`GROWTH`] times finer where the scores are high, and for each of its triangles the
-/// one that it is a part of.
+/// Returns a mesh that is [`GROWTH`] times finer where the scores are high, and for each of its
+/// triangles the index of the old triangle that contains it.
 fn refined(mesh: &Mesh, mut scores: Vec<f64>) -> (Mesh, Vec<usize>) {
     let mut finer = mesh.clone();
     let mut parents: Vec<usize> = (0..mesh.triangles.len()).collect();
     while (finer.triangles.len() as f64) < GROWTH * mesh.triangles.len() as f64 {
         let halved = finer.refine(&mark(&scores, SHARE));
         if halved.len() == scores.len() {
-            // Every score is 0: there is no field.
+            // All scores are 0: there is no field.
             break;
         }
-        // Parts of one triangle follow each other.
+        // Parts of one triangle are adjacent.
         let parts = halved.chunk_by(|a, b| a == b);
         (scores, parents) = parts
             .zip(scores.iter().zip(&parents))
@@ -158,13 +159,13 @@ fn refined(mesh: &Mesh, mut scores: Vec<f64>) -> (Mesh, Vec<usize>) {
     (finer, parents)
 }
 
-/// The constant field about which materials are linear.
+/// The constant field about which materials are linearised.
 struct ConstantField<'f> {
     excitation: &'f Excitation,
     w: &'f [f64],
 }
 
-/// Solves on one mesh. Returns a score for each triangle too: the higher, the coarser it is.
+/// Solves on one mesh. Also returns a score for each triangle: the higher, the coarser it is.
 fn on_level(
     design: &Design,
     level: &Level,
@@ -229,14 +230,14 @@ fn on_level(
     Ok((solved, scores))
 }
 
-/// Adds what each triangle makes of a whole.
+/// Adds the share of each triangle in a total.
 fn add_shares(scores: &mut [f64], of_triangles: &[f64], whole: f64) {
     for (score, of_triangle) in scores.iter_mut().zip(of_triangles) {
         *score += of_triangle / whole;
     }
 }
 
-/// What one more ampere of constant current causes.
+/// Response to one additional ampere of constant current.
 struct ConstantResponse {
     inductance_h: f64,
     field: Vec<f64>,
@@ -261,7 +262,7 @@ impl ConstantField<'_> {
 }
 
 impl AcCoil {
-    /// A coil by its impedance, with losses by the forms x̄ᵀ A x of each triangle.
+    /// Results of a coil from its impedance, with losses from the forms x̄ᵀ A x of each triangle.
     fn of(
         design: &Design,
         level: &Level,
@@ -305,18 +306,18 @@ impl AcCoil {
         }
     }
 
-    /// The quality factor ω L/R at a frequency in Hz.
+    /// Quality factor ω L/R at a frequency in Hz.
     #[must_use]
     pub fn quality(&self, frequency_hz: f64) -> f64 {
         TAU * frequency_hz * self.inductance_h / self.resistance_ohm
     }
 
-    /// What errors are estimated of.
+    /// The values whose errors are estimated.
     fn estimated(&self) -> [f64; 3] {
         [self.inductance_h, self.resistance_ohm, self.dc_inductance_h]
     }
 
-    /// Estimates the errors from the changes since the mesh before, and before that.
+    /// Estimates the errors from the last two changes from mesh to mesh.
     fn estimate(&mut self, last: &Self) {
         let values = self.estimated().into_iter().zip(last.estimated());
         let changes: Vec<f64> = values.map(|(now, then)| (now - then).abs()).collect();
@@ -343,8 +344,8 @@ impl AcSolved {
         self.reached = self.coils.iter().all(|coil| coil.is_within(relative));
     }
 
-    /// The impedance of a coil, Ω, with all driven coils in series in a closed circuit without any
-    /// other impedance. None if the coil is one of them, or there is none.
+    /// Impedance of a coil, Ω, if all driven coils are in series in a short circuit. `None` if the
+    /// coil is one of them, or if there is none.
     #[must_use]
     pub fn with_driven_closed(&self, design: &Design, coil: usize) -> Option<Complex64> {
         let driven: Vec<usize> = (0..design.coils.len())

@@ -1,4 +1,4 @@
-//! What regions of the mesh mean to an alternating field.
+//! Properties of mesh regions in an alternating field.
 
 use num_complex::Complex64;
 
@@ -7,44 +7,44 @@ use crate::geometry::shape::Shape;
 use crate::material::{MU_0, Material};
 use crate::mesh::Region;
 
-/// What a region means to an alternating field.
+/// Properties of a region in an alternating field.
 #[derive(Clone)]
 pub(super) struct AcRegion {
     pub(super) material: Material,
-    /// 1/(1 − i tan δ): the complex reluctivity over its real, static value.
+    /// Factor 1/(1 − i tan δ) of the complex reluctivity over its real, static value.
     pub(super) reluctivity_factor: Complex64,
     pub(super) conductivity_s_per_m: f64,
     pub(super) winding: Winding,
-    /// Depth to which currents flow, m; infinite in insulators.
+    /// Skin depth, m; infinite in insulators.
     pub(super) skin_depth_m: f64,
     /// Whether the part is so thick that all currents flow in its surface.
     pub(super) in_surface: bool,
 }
 
-/// How a region carries a coil's current.
+/// Distribution of a coil's current in a region.
 #[derive(Clone, Copy)]
 pub(super) enum Winding {
     None,
-    /// Evenly: coil, and turns per area with the sense, 1/m².
+    /// Even: coil, and turns per area with the sense, 1/m².
     Stranded {
         coil: usize,
         turns_per_m2: f64,
     },
-    /// As induction lets it: number of the ring's unknown u.
+    /// By induction: number of the ring's unknown u.
     Solid {
         unknown: u32,
     },
 }
 
-/// Whether the rings of a coil are single turns, in which the current spreads as induction lets it.
-/// About the axis itself any voltage would drive an infinite current.
+/// Whether the rings of a coil are single turns, in which induction distributes the current. A ring
+/// that reaches the axis is not: any voltage would drive an infinite current there.
 pub(super) fn is_solid(design: &Design, coil: usize) -> bool {
     let coil = design.coils.get(coil);
     coil.is_some_and(|coil| coil.turns == 1.0 && coil.rings.iter().all(|ring| ring.r_m[0] > 0.0))
 }
 
-/// For each coil, the number of the unknown u of its first ring, if its rings are solid; and the count
-/// of all unknowns.
+/// For each coil, the number of the unknown u of its first ring, if its rings are solid; and the
+/// total number of unknowns.
 pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u32>>, usize) {
     let mut count = count_of_w;
     let mut first = Vec::with_capacity(design.coils.len());
@@ -56,7 +56,7 @@ pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u
     (first, count)
 }
 
-/// Coil, number of the unknown u and sense of each ring of one turn.
+/// Coil, number of the unknown u and sense of each single-turn ring.
 pub(super) fn solid_rings(design: &Design, first_rings: &[Option<u32>]) -> Vec<(usize, u32, f64)> {
     let coils = design.coils.iter().zip(first_rings).enumerate();
     let rings = coils.filter_map(|(index, (coil, first))| {
@@ -124,15 +124,17 @@ impl AcRegion {
     }
 }
 
-/// Skin depth over a part's least extent, below which currents are taken to flow in its surface. What
-/// this leaves out is of the second order in skin depth over distance on even faces, and of the first on edges.
+/// Skin depth divided by a part's least extent, below which all currents are assumed to flow in its
+/// surface. The neglected terms are of second order in skin depth over distance on plane faces, and
+/// of first order on edges.
 const IN_SURFACE: f64 = 1.0 / 200.0;
-/// The same over its distance from the coils. By Dodd and Deeds' integrals with the impedance of a half-space
-/// in place of √(α² + iωμσ), the part's share of R is then off by 1e-4 under a ring five times as wide as
-/// high, and by 3.5e-4 under one as wide as high; L by less than 1e-5.
+/// Skin depth divided by the distance from the coils, below which the same is assumed. By Dodd and
+/// Deeds' integrals with the impedance of a half-space in place of √(α² + iωμσ), the part's share
+/// of R is then off by 1e-4 under a ring five times as wide as high, and by 3.5e-4 under one as
+/// wide as high; L by less than 1e-5.
 const BELOW_COILS: f64 = 1.0 / 40.0;
 
-/// The shorter side of a rectangle about a part, m.
+/// Shorter side of the bounding rectangle of a part, m.
 fn least_extent_m(part: &MagneticPart) -> f64 {
     let extent = |axis: usize| {
         let places = part
@@ -148,7 +150,7 @@ fn least_extent_m(part: &MagneticPart) -> f64 {
     extent(0).min(extent(1))
 }
 
-/// The least distance of coils from a part, m.
+/// Least distance of the coils from a part, m.
 fn distance_m(design: &Design, coils: &[usize], part: &MagneticPart) -> f64 {
     let coils = coils.iter().filter_map(|&coil| design.coils.get(coil));
     let rings = coils.flat_map(|coil| &coil.rings);

@@ -1,15 +1,16 @@
 //! The equations of an alternating field on one mesh.
 //!
-//! The unknowns are the phasors w = A_φ/r and, for each ring of one turn, u = V/(iω) with the voltage
-//! V around it. For all v and v_u:
+//! The unknowns are the phasors w = A_φ/r and, for each single-turn ring, u = V/(iω) with the
+//! voltage V around it. For all v and v_u:
 //! Σ ∫ ν′ curl w · curl v + iω σ (r w − u/2πr)(r v − v_u/2πr) r dA = Σ I v_u/2π + ∫ J v r² dA.
-//! The second term is that of the eddy currents. The matrix is complex and symmetric, and both of its
-//! parts are positive semidefinite. A ring of several turns carries its current evenly.
+//! The second term is that of the eddy currents. The matrix is complex and symmetric, and its real
+//! and imaginary parts are positive semidefinite. A ring of several turns carries its current
+//! evenly.
 
 //!
-//! Where the skin depth is far below a part's thickness, its inside is left out, and its surface has
-//! the impedance of a half-space: H_t = A √(iωσν). The inside keeps a billionth of the vacuum's energy, so
-//! that its unknowns have a value.
+//! If the skin depth is far below a part's thickness, its inside is omitted, and its surface has
+//! the impedance of a half-space: H_t = A √(iωσν). The inside keeps a billionth of the vacuum's
+//! energy, so that its unknowns are defined.
 
 use core::f64::consts::TAU;
 use std::collections::HashSet;
@@ -28,39 +29,40 @@ use crate::solve::newton::SolveError;
 /// The equations on one mesh.
 pub(super) struct System<'l> {
     pub(super) level: &'l Level,
-    /// The constant field about which the materials are linear.
+    /// The constant field about which materials are linearised.
     pub(super) state: &'l [f64],
     pub(super) omega: f64,
     regions: Vec<AcRegion>,
-    /// Of each triangle: its unknowns w, and that of its ring.
+    /// For each triangle: its unknowns w, and the unknown of its ring.
     pub(super) unknowns: Vec<Vec<u32>>,
-    /// How many unknowns there are.
+    /// Number of unknowns.
     pub(super) count: usize,
     elimination: Dissection,
-    /// Coil, number of the unknown u and sense of each ring of one turn.
+    /// Coil, number of the unknown u and sense of each single-turn ring.
     rings: Vec<(usize, u32, f64)>,
-    /// Edges in which currents of a part flow, on its surface.
+    /// Edges on the surface of parts, in which their currents flow.
     pub(super) surface: HashSet<[u32; 2]>,
-    /// These and all within such parts.
+    /// These edges and all edges within such parts.
     pub(super) left_out: HashSet<[u32; 2]>,
     /// For each edge of the arc, its triangle and its matrix.
     arc: Vec<(usize, Vec<f64>)>,
 }
 
-/// A matrix as it is summed: the lower half of each element's, one after the other.
+/// A matrix as a sum: the lower half of each element's matrix, one after the other.
 pub(super) struct Assembled {
     pub(super) entries: Vec<Complex64>,
-    /// For each coil, what one ampere in it drives.
+    /// For each coil, the source of one ampere in it.
     pub(super) driven: Vec<Vec<f64>>,
 }
 
-/// Heights of triangles, in skin depths, that show how currents decay: a cubic polynomial over two has
-/// an energy within 1e-3, which the change from mesh to mesh then shows.
+/// Largest height of a triangle, in skin depths, that resolves the decay of currents: a cubic
+/// polynomial over two skin depths has the energy within 1e-3, and the change from mesh to mesh
+/// then shows it.
 const SKIN_DEPTHS: f64 = 2.0;
 
 impl<'l> System<'l> {
-    /// The equations about a constant field, with an angular frequency in rad/s.
-    /// Fields come from `coils`.
+    /// Sets up the equations about a constant field, with an angular frequency in rad/s. Fields are
+    /// driven by `coils`.
     pub(super) fn of(
         design: &Design,
         level: &'l Level,
@@ -103,7 +105,7 @@ impl<'l> System<'l> {
             if region.is_some_and(|region| region.in_surface) {
                 for edge in triangle.edges().map(ascending) {
                     left_out.insert(edge);
-                    // An edge that two of them share is within.
+                    // An edge shared by two such triangles is inside.
                     if !surface.insert(edge) {
                         surface.remove(&edge);
                     }
@@ -125,14 +127,14 @@ impl<'l> System<'l> {
         }
     }
 
-    /// What a triangle's region means.
+    /// Properties of a triangle's region.
     pub(super) fn region(&self, triangle: &Triangle) -> AcRegion {
         let region = self.regions.get(triangle.region as usize);
         region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
-    /// For each triangle, its height over [`SKIN_DEPTHS`], or 0 where it is less high. A layer that is too thick
-    /// carries the same current with less loss, in proportion to its thickness.
+    /// For each triangle, its height divided by [`SKIN_DEPTHS`], or 0 if it is lower. A layer that
+    /// is too thick carries the same current with less loss, in proportion to its thickness.
     pub(super) fn coarse(&self) -> Vec<f64> {
         let mesh = &self.level.space.mesh;
         let coarse = |triangle: &Triangle| {
@@ -150,7 +152,7 @@ impl<'l> System<'l> {
         mesh.triangles.iter().map(coarse).collect()
     }
 
-    /// The matrix, and what each coil drives.
+    /// Computes the matrix, and the source of each coil.
     pub(super) fn assemble(&self, coils: usize) -> Assembled {
         let mut assembled = Assembled {
             entries: Vec::new(),
@@ -182,13 +184,13 @@ impl<'l> System<'l> {
         factor.map_err(|NotPositive| SolveError::Factor)
     }
 
-    /// What one ampere in a coil causes.
+    /// Response to one ampere in a coil.
     pub(super) fn solve(&self, factor: &Factor<Complex64>, driven: &[f64]) -> Vec<Complex64> {
         let driven: Vec<Complex64> = driven.iter().map(Complex64::from).collect();
         self.elimination.solve(factor, &driven)
     }
 
-    /// x̄ᵀ A x of each triangle's matrix A.
+    /// The form x̄ᵀ A x for each triangle's matrix A.
     pub(super) fn forms(&self, assembled: &Assembled, x: &[Complex64]) -> Vec<Complex64> {
         let mut start = 0;
         let mut forms = Vec::with_capacity(self.unknowns.len());
