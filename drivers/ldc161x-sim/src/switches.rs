@@ -157,7 +157,7 @@ pub enum BurstRead {
     /// The chip leaves the bus alone, and 0xFF is read (E2E 796435: "just yields a NACK").
     #[default]
     Released,
-    /// The same two bytes, read anew.
+    /// The same two bytes again.
     Repeats,
     /// The next register.
     AutoIncrement,

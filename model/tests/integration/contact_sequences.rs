@@ -246,7 +246,7 @@ fn ten_presses_in_a_row_are_ten_touches() {
     );
 }
 
-/// Nobody holds an object for longer than 300 s.
+/// People hold an object for at most 300 s.
 #[test]
 #[ignore = "hours of simulated readings"]
 fn ten_long_presses_in_a_row_are_ten_touches() {
