@@ -3,18 +3,18 @@
 use crate::schema::Described;
 
 structure! {
-    /// What stands before every payload, after the bytes for version and kind.
+    /// Header before every payload, after the bytes for version and kind.
     pub struct Header {
-        /// In a record: a random number that the device drew when it started, never 0. In a
-        /// command: the boot id of the device that it is meant for, or 0 for any.
+        /// In a record: a random number that the device drew when it started, never 0. In a command: the
+        /// boot id of the device to which it is addressed, or 0 for any.
         boot_id: u32,
-        /// Number of the frame, counted when it is produced, whether it is sent or not: from 0
-        /// for records, from wherever the sender likes for commands. After 4294967295 comes 0.
+        /// Number of the frame, counted when it is produced, sent or not: from 0 for records, from any
+        /// number for commands. Wraps to 0 after 4294967295.
         sequence: u32,
-        /// Time of what the message reports, by the sender's clock, since its start.
+        /// Time of the reported event, by the sender's clock, since the sender's start.
         time_us: u64 ["us"],
-        /// Frames that the sender has dropped since its start, of those with a lower sequence
-        /// number. After 4294967295 comes 0.
+        /// Number of frames that the sender has dropped since its start, of those with a lower sequence
+        /// number. Wraps to 0 after 4294967295.
         dropped: u32 ["1"],
     }
 }

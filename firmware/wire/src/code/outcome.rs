@@ -1,16 +1,16 @@
 //! What became of a command.
 
 codes! {
-    /// What became of a command. Numbers 21, 23, 24 and 26 are reserved.
+    /// Result of a command. Numbers 21, 23, 24 and 26 are reserved.
     pub enum Outcome {
-        /// Accepted, and begun.
+        /// Accepted and started.
         Accepted = 0 "accepted",
-        /// The device does not know this kind.
+        /// The device does not know this command.
         UnknownCommand = 1 "unknown_command",
-        /// The payload cannot be read.
+        /// The payload is unreadable.
         Malformed = 2 "malformed",
-        /// The command is addressed to another boot of the device: it was sent before a reset.
-        /// Read `hello` and decide anew.
+        /// The command is addressed to another boot of the device: it was sent before a reset. Read
+        /// `hello` and decide again.
         OtherBoot = 3 "other_boot",
         /// A field is infinite or not a number.
         NotFinite = 4 "not_finite",
@@ -18,47 +18,47 @@ codes! {
         OutOfRange = 5 "out_of_range",
         /// A field has a number that the device does not know.
         UnknownCode = 6 "unknown_code",
-        /// A list does not increase where it has to.
+        /// The values of a list do not increase as required.
         NotIncreasing = 7 "not_increasing",
         /// Fields contradict each other.
         Inconsistent = 8 "inconsistent",
-        /// A chunk does not continue the curve that was begun. Send the curve from its first knot.
+        /// A chunk does not continue the started curve. Send the curve from its first knot.
         OutOfSequence = 9 "out_of_sequence",
-        /// The curve does not rise or fall all along.
+        /// The curve is not monotonic.
         NotMonotone = 10 "not_monotone",
         /// There is no such sensor or channel on this board.
         NoSuchChannel = 11 "no_such_channel",
-        /// That part of the calibration was never set.
+        /// This part of the calibration was never set.
         NotSet = 12 "not_set",
         /// A calibration that the command needs is missing.
         NotCalibrated = 13 "not_calibrated",
-        /// The device has to be armed first.
+        /// The device must be armed first.
         NotArmed = 14 "not_armed",
         /// A measurement is running, another command already waits for the end of the coil's test,
         /// or the flash memory is being read or written.
         Busy = 15 "busy",
-        /// The device is armed, and this may not change while it is.
+        /// The device is armed, and this may not be changed while it is.
         Armed = 16 "armed",
-        /// A fault stands; clear it first.
+        /// A fault is latched; clear it first.
         Faulted = 17 "faulted",
-        /// The fault to be cleared is not the one that stands.
+        /// The fault to be cleared is not the latched one.
         OtherFault = 18 "other_fault",
-        /// The fault's cause has not gone.
+        /// The fault's cause persists.
         FaultPersists = 19 "fault_persists",
         /// There is no bridge, no coil or no current measurement.
         NoCoil = 20 "no_coil",
-        /// Nothing touches.
+        /// No object touches the sensor.
         NoContact = 22 "no_contact",
         /// The device is in sensing-only mode.
         SensingOnly = 25 "sensing_only",
-        /// The command waited for the end of the coil's test, and was dropped before it began: by
+        /// The command waited for the end of the coil's test and was dropped before it started: by
         /// `abort`, `disarm` or `sensing_only`, or because the test was stopped.
         Aborted = 27 "aborted",
-        /// Nothing is stored, or nothing that can be read.
+        /// No set is stored, or no readable one.
         NothingStored = 28 "nothing_stored",
-        /// This board stores nothing, or its storage did not answer.
+        /// This board has no storage, or the storage did not answer.
         NoStorage = 29 "no_storage",
-        /// The calibration in force is not the one whose hash was given. Send it again.
+        /// The active calibration is not the one with this hash. Send it again.
         OtherCalibration = 30 "other_calibration",
     }
 }

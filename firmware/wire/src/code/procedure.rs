@@ -1,7 +1,7 @@
 //! Codes of the procedure: its states, and the choices that commands set.
 
 codes! {
-    /// What the instrument is used for.
+    /// Use of the instrument.
     pub enum Mode {
         /// Deformation, force and contact; the coil is never driven.
         SensingOnly = 1 "sensing_only",
@@ -13,11 +13,11 @@ codes! {
     pub enum State {
         /// Checking converter, bus, bridge and current measurement.
         SelfTest = 1 "self_test",
-        /// Learning what the untouched sensor reads.
+        /// Learning the reading of the untouched sensor.
         Baseline = 2 "baseline",
         /// Waiting for a contact.
         Watching = 3 "watching",
-        /// Something touches.
+        /// An object touches.
         Contact = 4 "contact",
         /// Waiting until the press is steady.
         Settling = 5 "settling",
@@ -31,39 +31,39 @@ codes! {
         Release = 9 "release",
         /// Stopped by a fault, with the bridge off.
         Fault = 10 "fault",
-        /// Driving a current that the PC commands directly.
+        /// Driving a current commanded directly by the PC.
         Manual = 11 "manual",
     }
 
-    /// Whether something touches the sensor.
+    /// Contact of an object with the sensor.
     pub enum Contact {
-        /// The baseline is being learnt: not known.
+        /// Unknown: the baseline is being learnt.
         Settling = 1 "settling",
-        /// Nothing touches.
+        /// No object touches.
         Clear = 2 "clear",
-        /// Something touches, found with this sample.
+        /// An object touches, detected with this sample.
         Began = 3 "began",
-        /// Something touches.
+        /// An object touches.
         Held = 4 "held",
-        /// The object was released, found with this sample.
+        /// The object was released, detected with this sample.
         Ended = 5 "ended",
     }
 
-    /// Slow change of the deformation that the estimate allows for.
+    /// Slow change of the deformation that the estimate models.
     pub enum Drift {
         /// None.
         None = 1 "none",
         /// Proportional to time.
         Linear = 2 "linear",
-        /// ln(1 + t/tau), creep over decades of time, and a straight line beside it.
+        /// ln(1 + t/tau), creep over decades of time, plus a straight line.
         Logarithmic = 3 "logarithmic",
-        /// 1 - exp(-t/tau), one mode of creep, and a straight line beside it.
+        /// 1 - exp(-t/tau), one mode of creep, plus a straight line.
         Exponential = 4 "exponential",
-        /// Starting anew with every ramp, heat of the coil, and a straight line beside it.
+        /// Restarting with every ramp, heat of the coil, plus a straight line.
         SawTooth = 5 "saw_tooth",
     }
 
-    /// Which records of conversions the device sends.
+    /// Records of conversions that the device sends.
     pub enum Stream {
         /// None.
         Off = 1 "off",
@@ -73,11 +73,11 @@ codes! {
         Raw = 3 "raw",
     }
 
-    /// A part of the calibration; its number is the kind of the record that carries it.
+    /// Part of the calibration; its number is the kind of the record that carries it.
     pub enum Part {
         /// A channel's resonator.
         Tank = 0x11 "tank",
-        /// A channel's deformation against its inductance.
+        /// Deformation of a channel as a function of its inductance.
         DeformationCurve = 0x12 "deformation_curve",
         /// Effect of the coil's current on a channel.
         Crosstalk = 0x13 "crosstalk",
@@ -89,15 +89,15 @@ codes! {
         StiffeningCurve = 0x16 "stiffening_curve",
         /// The coil's data.
         Coil = 0x17 "coil",
-        /// Attraction of the actuated layer's halves.
+        /// Attraction between the halves of the actuated layer.
         Attraction = 0x18 "attraction",
         /// Uncertainty added by a temperature other than the calibration's.
         TemperatureEffect = 0x19 "temperature_effect",
         /// Corrections of the measured current.
         CurrentCorrection = 0x1A "current_correction",
-        /// Which calibration it is.
+        /// Identity of the calibration.
         CalibrationIdentity = 0x1B "calibration_identity",
-        /// How springs and magnetorheological effect change with the temperature.
+        /// Change of springs and magnetorheological effect with temperature.
         TemperatureCoefficients = 0x1C "temperature_coefficients",
     }
 }

@@ -1,38 +1,37 @@
 //! What is stored in flash memory, and what is done with it.
 
 codes! {
-    /// What is stored.
+    /// State of the stored set.
     pub enum StorageState {
-        /// Nothing.
+        /// No set is stored.
         Empty = 1 "empty",
-        /// Settings and calibration, and every bit of them is as it was stored.
+        /// Settings and calibration are stored, and every bit is as it was saved.
         Whole = 2 "whole",
-        /// Something that is not what was stored.
+        /// The stored set differs from the saved one.
         Damaged = 3 "damaged",
-        /// Something that a later firmware has stored in another format. It is kept, unless it is
-        /// erased.
+        /// A later firmware has stored a set in another format. It remains until it is erased.
         Newer = 5 "newer",
-        /// Not known: this board stores nothing, or its storage did not answer.
+        /// Unknown: this board has no storage, or the storage did not answer.
         Unavailable = 4 "unavailable",
     }
 
-    /// What was done with the storage.
+    /// Operation on the storage.
     pub enum StorageAction {
-        /// It was looked at.
+        /// Inspect the stored set.
         Inspect = 1 "inspect",
-        /// Settings and calibration in force were stored.
+        /// Store the active settings and calibration.
         Store = 2 "store",
-        /// What was stored came into force.
+        /// Apply the stored set.
         Load = 3 "load",
-        /// What was stored was erased.
+        /// Erase the stored set.
         Erase = 4 "erase",
     }
 
-    /// How the device is to start anew.
+    /// Target of a restart.
     pub enum RebootTarget {
-        /// Into the firmware.
+        /// The firmware.
         Firmware = 1 "firmware",
-        /// Into the processor's boot loader, which takes a new image over USB.
+        /// The processor's boot loader, which receives a new image over USB.
         BootLoader = 2 "boot_loader",
     }
 }

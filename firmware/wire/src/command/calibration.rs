@@ -15,16 +15,16 @@ structure! {
 }
 
 structure! {
-    /// What the coil's current does to the reading of a channel without any deformation, taken as
+    /// Effect of the coil's current on the reading of a channel without deformation, taken as
     /// proportional to its square.
     pub struct Crosstalk {
         /// Converter: 0 first, 1 second.
         sensor: u8 ["", 0, 1],
         /// Channel.
         channel: u8 ["", 0, 3],
-        /// Apparent deformation of the untouched sensor, per square of the current.
+        /// Apparent deformation of the untouched sensor per square of the current.
         apparent_m_per_a2: f32 ["m/A^2", -1e-5, 1e-5],
-        /// Relative growth of that with the deformation.
+        /// Relative growth of the apparent deformation with the deformation.
         growth_per_m: f32 ["1/m", -1e5, 1e5],
         /// Relative standard uncertainty of the apparent deformation.
         uncertainty: f32 ["1", 0, 1],
@@ -32,22 +32,22 @@ structure! {
 }
 
 structure! {
-    /// The two springs of the sensor. Uncertainties are standard uncertainties, relative where
-    /// nothing else is said.
+    /// The two springs of the sensor. Uncertainties are standard uncertainties, relative unless stated
+    /// otherwise.
     pub struct Springs {
-        /// c_S, the sensing layer.
+        /// c_S, stiffness of the sensing layer.
         sensing_n_per_m: f32 ["N/m", 1, 1e8],
-        /// Of c_S, the force scale apart.
+        /// Uncertainty of c_S, without the force scale.
         sensing_uncertainty: f32 ["1", 0, 1],
-        /// c_D0, the actuated layer without current.
+        /// c_D0, stiffness of the actuated layer without current.
         actuated_n_per_m: f32 ["N/m", 1, 1e8],
-        /// Of c_D0, the force scale apart.
+        /// Uncertainty of c_D0, without the force scale.
         actuated_uncertainty: f32 ["1", 0, 1],
-        /// Of the force scale that both have in common.
+        /// Uncertainty of the force scale, common to both springs.
         force_scale_uncertainty: f32 ["1", 0, 1],
-        /// Of the zero of the deformation.
+        /// Uncertainty of the deformation's zero.
         zero_uncertainty_m: f32 ["m", 0, 1e-3],
-        /// By how much the lines of the calibration's own trains bend, root of the mean square.
+        /// RMS bend of the lines of the calibration's own trains.
         bend: f32 ["1", 0, 10],
     }
 }
@@ -58,19 +58,19 @@ structure! {
     pub struct Stiffening {
         /// I_peak, the current at which eps was measured.
         peak_current_a: f32 ["A", 0.05, 20],
-        /// eps, relative rise of the actuated spring at that current.
+        /// eps, relative rise of the actuated spring at I_peak.
         rise_at_peak: f32 ["1", 1e-5, 100],
         /// Relative standard uncertainty of eps.
         rise_uncertainty: f32 ["1", 0, 1],
-        /// Field at that current; 0 for the purely quadratic law.
+        /// Field at I_peak; 0 for the purely quadratic law.
         field_at_peak_t: f32 ["T", 0, 2],
-        /// B_half, the field of half the greatest rise.
+        /// B_half, field at half of the saturated rise.
         field_half_t: f32 ["T", 0.001, 10],
     }
 }
 
 structure! {
-    /// The coil of the actuated layer and its heat.
+    /// The coil of the actuated layer and its thermal data.
     pub struct Coil {
         /// Resistance at 20 degrees Celsius.
         resistance_ohm: f32 ["ohm", 0.001, 1000],
@@ -82,62 +82,62 @@ structure! {
         copper_to_pad_k_per_w: f32 ["K/W", 0.001, 1000],
         /// Thermal resistance from layer to surroundings.
         pad_to_ambient_k_per_w: f32 ["K/W", 0.001, 1000],
-        /// Relative standard uncertainty of the current since the magnetorheological effect was
-        /// calibrated.
+        /// Relative standard uncertainty of the current since the calibration of the magnetorheological
+        /// effect.
         current_uncertainty: f32 ["1", 0, 1],
     }
 }
 
 structure! {
-    /// Attraction of the actuated layer's halves by the coil's field, taken as proportional to the
-    /// square of the current. It shortens the layer whatever presses on it.
+    /// Attraction between the halves of the actuated layer by the coil's field, taken as proportional to
+    /// the square of the current. It shortens the layer under any load.
     pub struct Attraction {
         /// Attraction per square of the current.
         attraction_n_per_a2: f32 ["N/A^2", -0.1, 0.1],
-        /// Its relative standard uncertainty.
+        /// Relative standard uncertainty of the attraction.
         uncertainty: f32 ["1", 0, 1],
     }
 }
 
 structure! {
-    /// Uncertainty added by a temperature other than the calibration's: beyond what the coefficients of
-    /// [`TemperatureCoefficients`] say, where they are set. Where they are not, springs and rise change by what a
-    /// material may, and are taken as uniform within limits: the square root of three times these.
+    /// Uncertainty added by a temperature other than the calibration's, beyond the correction by
+    /// [`TemperatureCoefficients`] if these are set. Without them, springs and rise change by the limits
+    /// of the material, taken as uniform: the square root of three times these values.
     pub struct TemperatureEffect {
-        /// Temperature at the calibration.
+        /// Temperature of the calibration.
         calibrated_at_c: f32 ["degC", -60, 250],
-        /// Standard uncertainty of both springs, alike, for every kelvin of difference, relative.
+        /// Relative standard uncertainty of both springs, in common, per kelvin of difference.
         springs_uncertainty_per_k: f32 ["1/K", 0, 1],
-        /// Standard uncertainty of the magnetorheological rise for every kelvin of difference,
-        /// relative.
+        /// Relative standard uncertainty of the magnetorheological rise per kelvin of difference.
         rise_uncertainty_per_k: f32 ["1/K", 0, 1],
     }
 }
 
 structure! {
-    /// How springs and magnetorheological rise change with the temperature, from
-    /// [`TemperatureEffect::calibrated_at_c`] on: measurements are corrected by it. A quantity that has the
-    /// coefficient b is exp(b dT) times as large dT kelvin above. Without this part it is as at the calibration.
+    /// Change of springs and magnetorheological rise with temperature, relative to
+    /// [`TemperatureEffect::calibrated_at_c`]; measurements are corrected by it. A quantity with the
+    /// coefficient b is exp(b dT) times as large at dT kelvin above. Without this part it is as at the
+    /// calibration.
     pub struct TemperatureCoefficients {
-        /// Of both springs, alike.
+        /// Coefficient of both springs, in common.
         springs_per_k: f32 ["1/K", -0.05, 0.05],
-        /// Of the magnetorheological rise.
+        /// Coefficient of the magnetorheological rise.
         rise_per_k: f32 ["1/K", -0.05, 0.05],
     }
 }
 
 structure! {
-    /// Which calibration the parts in force are.
+    /// Identity of the active calibration.
     pub struct CalibrationIdentity {
-        /// A number that the calibrating program gave it.
+        /// Number from the calibrating program.
         id: u32,
-        /// When it was made, in seconds since 1970-01-01 UTC, up to 2106; 0 if unknown.
+        /// Time of the calibration, in seconds since 1970-01-01 UTC, up to 2106; 0 if unknown.
         calibrated_at_s: u32 ["s"],
-        /// Temperature of the sensor then.
+        /// Temperature of the sensor at the calibration.
         calibrated_at_c: f32 ["degC", -60, 250],
-        /// `configuration_crc` over the commands that set its parts, without settings and identity. The
-        /// device compares it with its own and refuses another one: a part that was lost or changed on
-        /// the way is found.
+        /// `configuration_crc` over the commands that set the calibration's parts, without settings and
+        /// identity. The device compares it with its own value and refuses a different one: this detects
+        /// a part that was lost or changed in transit.
         hash: u32,
     }
 }

@@ -14,15 +14,15 @@ const GREATEST_PART: f32 = 0.1;
 const GREATEST_A: f32 = 0.4;
 
 structure! {
-    /// What is to be added to the measured current at evenly spaced points; straight between them,
-    /// in proportion beyond the outermost. All zero for no correction.
+    /// Correction of the measured current at evenly spaced points, linear between them and proportional
+    /// beyond the outermost. All zero for no correction.
     ///
     /// The limit at which the bridge is switched off is not corrected.
     pub struct CurrentCorrection {
         /// Measured current of the last point; the first one has its negative.
         greatest_a: f32 ["A", 0.1, 20],
-        /// What is added at each point, 2 to 17 of them: 0.4 A and a tenth of the current there at
-        /// most.
+        /// Correction at each of 2 to 17 points: at most 0.4 A plus a tenth of the current at that
+        /// point.
         changes_a: Vec<f32, 17> ["A", -2.4, 2.4],
     }
     also of_points

@@ -16,15 +16,15 @@ pub const KNOTS_PER_CHUNK: usize = 8;
 pub const MAX_KNOTS: u8 = 32;
 
 structure! {
-    /// Deformation of a channel against the relative change of its inductance.
+    /// Deformation of a channel as a function of the relative change of its inductance.
     pub struct DeformationCurve {
         /// Converter: 0 first, 1 second.
         sensor: u8 ["", 0, 1],
         /// Channel.
         channel: u8 ["", 0, 3],
-        /// Knots of the whole curve.
+        /// Number of knots of the whole curve.
         total: u8 ["1", 2, 32],
-        /// Index in the curve of this chunk's first knot.
+        /// Index in the curve of the first knot in this chunk.
         first: u8 ["", 0, 31],
         /// The knots of this chunk, at least one.
         knots: Vec<DeformationKnot, 8>,
@@ -35,7 +35,7 @@ structure! {
 structure! {
     /// A knot of a deformation curve.
     pub struct DeformationKnot {
-        /// Argument: L/L0 - 1, L0 the inductance of the untouched sensor.
+        /// Argument: L/L0 - 1, where L0 is the inductance of the untouched sensor.
         inductance_change: f32 ["1", -1, 10],
         /// Deformation.
         deformation_m: f32 ["m", -0.01, 0.1],
@@ -43,11 +43,11 @@ structure! {
 }
 
 structure! {
-    /// Relative rise of the actuated spring against the coil's current. The first knot is 0, 0.
+    /// Relative rise of the actuated spring as a function of the coil's current. The first knot is 0, 0.
     pub struct StiffeningCurve {
-        /// Knots of the whole curve.
+        /// Number of knots of the whole curve.
         total: u8 ["1", 2, 32],
-        /// Index in the curve of this chunk's first knot.
+        /// Index in the curve of the first knot in this chunk.
         first: u8 ["", 0, 31],
         /// Relative standard uncertainty of the rise.
         rise_uncertainty: f32 ["1", 0, 1],

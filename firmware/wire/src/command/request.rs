@@ -3,7 +3,7 @@
 use crate::code::{FaultCode, Part, RebootTarget};
 
 structure! {
-    /// Which fault is to be cleared.
+    /// Identifies the fault to be cleared.
     pub struct ClearFault {
         /// The fault that the user has seen.
         code: FaultCode,
@@ -11,43 +11,43 @@ structure! {
 }
 
 structure! {
-    /// Asks for a part of the calibration.
+    /// Selects a part of the calibration.
     pub struct GetCalibration {
         /// The part.
         part: Part,
-        /// Converter: 0 first, 1 second. Counts for `tank`, `deformation_curve` and `crosstalk`.
+        /// Converter: 0 first, 1 second. Used for `tank`, `deformation_curve` and `crosstalk`.
         sensor: u8 ["", 0, 1],
-        /// Channel. Counts for the same parts.
+        /// Channel. Used for these three parts only.
         channel: u8 ["", 0, 3],
     }
 }
 
 structure! {
-    /// A straight line of the coil's current from where it is.
+    /// A straight line of the coil's current, starting at the present current.
     pub struct DriveCoil {
-        /// Where it goes; the sign is the polarity.
+        /// Final current; the sign is the polarity.
         to_a: f32 ["A", -20, 20],
-        /// How long that takes.
+        /// Duration of the line.
         over_s: f32 ["s", 0, 10],
-        /// From one measured current to the next of those that are recorded from now on, 128 in
-        /// all, and sent as `current_trace`; the device rounds it to whole periods of its bridge,
-        /// one at least. 0 records none.
+        /// Interval between two values of a trace, which has 128 values, starts at once and is sent as
+        /// `current_trace`; the device rounds it to whole periods of its bridge, at least one. 0 records
+        /// none.
         trace_interval_s: f32 ["s", 0, 0.01],
     }
 }
 
 structure! {
-    /// How to start anew.
+    /// Selects the target of a restart.
     pub struct Reboot {
-        /// Into what.
+        /// Target of the restart.
         target: RebootTarget,
     }
 }
 
 structure! {
-    /// Which board is this?
+    /// Identifies this board.
     pub struct Locate {
-        /// How long the LED flickers; 0 ends it.
+        /// Time for which the LED flickers; 0 ends it.
         duration_s: f32 ["s", 0, 60],
     }
 }

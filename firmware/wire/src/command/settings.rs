@@ -5,9 +5,9 @@ use crate::schema::Described;
 use crate::validation::{Invalid, inconsistent};
 
 structure! {
-    /// How the instrument is to be used. The limits are those of the protocol; a board refuses
-    /// what is beyond its own, narrower ones, and its compiled-in limits of current, time and
-    /// energy hold whatever is set here.
+    /// Operating parameters of the instrument. The limits are those of the protocol; a board refuses
+    /// values beyond its own, narrower ones. Its compiled-in limits of current, time and energy hold for
+    /// all settings.
     pub struct Settings {
         /// Active channels: bit n for channel n. One alone (1, 2, 4, 8), or channel 0 and those that
         /// follow it (3, 7, 15).
@@ -16,18 +16,18 @@ structure! {
         rate_hz: f32 ["Hz", 1, 5000],
         /// Records of conversions to send.
         stream: Stream,
-        /// Every how many samples one is sent; the procedure uses all.
+        /// Sends one of this number of samples; the procedure uses all.
         decimation: u16 ["1", 1, 10000],
-        /// From one `status` record to the next.
+        /// Period of the `status` record.
         status_period_s: f32 ["s", 0.1, 60],
         /// Standard deviation of the untouched sensor's deformation, vibration included: the scale
         /// of contact detection.
         contact_noise_m: f32 ["m", 1e-10, 1e-3],
-        /// Deformation below which a contact is over.
+        /// Deformation below which a contact has ended.
         release_m: f32 ["m", 1e-9, 1e-2],
-        /// Least deformation for a measurement.
+        /// Smallest deformation for a measurement.
         least_press_m: f32 ["m", 1e-9, 1e-2],
-        /// Greatest rate of the deformation at which a press counts as steady.
+        /// Largest rate of the deformation at which a press counts as steady.
         steady_m_per_s: f32 ["m/s", 1e-9, 1],
         /// Time for a press to become steady, after which the measurement is refused.
         settling_s: f32 ["s", 0, 60],
@@ -37,27 +37,26 @@ structure! {
         peak_current_a: f32 ["A", 0.05, 20],
         /// Current at the end of a falling ramp.
         end_current_a: f32 ["A", 0, 20],
-        /// From the least current to the peak, before each ramp.
+        /// Duration of the rise from the lowest current to the peak, before each ramp.
         rise_s: f32 ["s", 0.001, 10],
         /// Time at the peak current before each ramp.
         hold_s: f32 ["s", 0, 10],
-        /// Falling ramps.
+        /// Number of falling ramps.
         ramps: u8 ["1", 1, 64],
         /// Duration of a falling ramp.
         ramp_s: f32 ["s", 0.005, 30],
-        /// Drift that the estimate allows for.
+        /// Drift that the estimate models.
         drift: Drift,
-        /// Time constant of an exponential drift. A logarithmic one counts from the contact, a
-        /// saw-tooth one from ramp to ramp.
+        /// Time constant of an exponential drift. A logarithmic drift counts from the contact, a
+        /// saw-tooth drift from ramp to ramp.
         drift_time_s: f32 ["s", 0.001, 10000],
-        /// Greatest standard error as a fraction of the stiffness; a measurement above it is
-        /// refused.
+        /// Largest standard error as a fraction of the stiffness; a measurement above it is refused.
         greatest_error: f32 ["1", 0.001, 10],
-        /// Points of the load curve.
+        /// Number of points of the load curve.
         load_points: u8 ["1", 0, 64],
-        /// Greatest temperature of the coil.
+        /// Highest temperature of the coil.
         greatest_temperature_c: f32 ["degC", 20, 150],
-        /// Greatest energy into the coil in one measurement.
+        /// Largest energy into the coil in one measurement.
         greatest_energy_j: f32 ["J", 0.01, 10000],
     }
     also together

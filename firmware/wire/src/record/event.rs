@@ -9,64 +9,64 @@ use crate::message::Message;
 use crate::validation::{Invalid, Problem};
 
 structure! {
-    /// The procedure went to another state, or was armed or disarmed.
+    /// The procedure entered another state, or was armed or disarmed.
     pub struct StateChange {
-        /// The state now.
+        /// Present state.
         state: State,
-        /// The state before; the same if only `mode` or `armed` changed.
+        /// Previous state; equals `state` if only `mode` or `armed` changed.
         previous: State,
-        /// The mode now.
+        /// Present mode.
         mode: Mode,
-        /// Whether the coil may be driven.
+        /// The coil may be driven.
         armed: bool,
-        /// Number of the last measurement that began; 0 if none has.
+        /// Number of the last started measurement; 0 if there was none.
         measurement: u32,
     }
 }
 
 structure! {
-    /// A fault began or ended.
+    /// A fault was raised or cleared.
     pub struct Fault {
-        /// Which one.
+        /// Code of the fault.
         code: FaultCode,
-        /// Where.
+        /// Location of the fault.
         location: Location,
-        /// It stands; false when it was cleared.
+        /// True if the fault was raised, false if it was cleared.
         active: bool,
-        /// What was found; the code says what it is and its unit.
+        /// Measured value; the code gives its meaning and unit.
         value: Option<f32> ["", -1e30, 1e30],
-        /// What is allowed; the code says what it is and its unit.
+        /// Limit of the value; the code gives its meaning and unit.
         limit: Option<f32> ["", -1e30, 1e30],
     }
 }
 
 structure! {
-    /// Counters and conditions. Every counter counts from the start of the device, is never set
-    /// back, and goes on from 0 after 4294967295.
+    /// Counters and conditions. Every counter counts from the start of the device, is never reset, and
+    /// wraps to 0 after 4294967295.
     pub struct Status {
         /// Conversions (scans) read from the first converter.
         conversions: u32 ["1"],
-        /// Conversions (scans) of it that were lost: overwritten before they were read.
+        /// Conversions (scans) of the first converter that were lost: overwritten before they were read.
         conversions_lost: u32 ["1"],
-        /// Conversions that it flagged.
+        /// Conversions that the first converter flagged.
         conversions_flagged: u32 ["1"],
-        /// The same for the second converter: read.
+        /// Conversions (scans) read from the second converter.
         second_conversions: u32 ["1"],
-        /// Lost.
+        /// Conversions (scans) of the second converter that were lost.
         second_conversions_lost: u32 ["1"],
-        /// Flagged.
+        /// Conversions that the second converter flagged.
         second_conversions_flagged: u32 ["1"],
-        /// Transfers on the bus that failed.
+        /// Failed bus transfers.
         bus_errors: u32 ["1"],
         /// Recoveries of the bus or a converter.
         recoveries: u32 ["1"],
-        /// Log messages that were dropped.
+        /// Dropped log messages.
         logs_dropped: u32 ["1"],
         /// Command frames that arrived damaged.
         commands_damaged: u32 ["1"],
-        /// Commands that were refused.
+        /// Refused commands.
         commands_refused: u32 ["1"],
-        /// Measurements that began.
+        /// Started measurements.
         measurements: u32 ["1"],
         /// Measurements that ended in a refusal.
         refusals: u32 ["1"],
@@ -74,41 +74,41 @@ structure! {
         temperature_c: Option<f32> ["degC", -60, 250],
         /// Supply of the coil; absent if it is not measured.
         supply_v: Option<f32> ["V", 0, 100],
-        /// Part of the processor's time in use since the last status; absent if not measured.
+        /// Used share of the processor's time since the last status; absent if not measured.
         processor_load: Option<f32> ["1", 0, 1],
-        /// Greatest depth of the stack; 0 if it is not measured.
+        /// Greatest stack depth; 0 if it is not measured.
         stack_bytes: u32 ["byte"],
     }
 }
 
 structure! {
-    /// The coil and its circuit, as the test found them.
+    /// The coil and its circuit, as measured by the test.
     pub struct CoilTest {
         /// Resistance of coil, bridge, wires and supply together.
         resistance_ohm: f32 ["ohm", 0, 1000],
         /// Inductance of the coil.
         inductance_h: f32 ["H", 0, 1],
-        /// Part of a period of the bridge that its dead time takes.
+        /// Share of a bridge period that its dead time takes.
         lost: f32 ["1", 0, 1],
         /// Reading of the current measurement without current.
         zero_v: f32 ["V", 0, 5],
         /// Supply during the test.
         supply_v: f32 ["V", 0, 100],
-        /// Current to which the bridge limited itself, its limit reduced; absent where that cannot
-        /// be tested.
+        /// Current to which the bridge limited itself with its limit reduced; absent if that cannot be
+        /// tested.
         limited_to_a: Option<f32> ["A", 0, 100],
     }
 }
 
 structure! {
-    /// Measured currents, each the mean over a period of the bridge. The header's time is the one
-    /// of this part's first.
+    /// Measured currents, each the mean over a period of the bridge. The header's time is that of the
+    /// first current in this part.
     pub struct CurrentTrace {
-        /// Currents in all.
+        /// Number of currents of the whole trace.
         total: u8 ["1", 1, 128],
-        /// Index of this part's first current.
+        /// Index of the first current in this part.
         first: u8 ["", 0, 127],
-        /// From one to the next.
+        /// Interval between two currents.
         interval_s: f32 ["s", 0, 1],
         /// The currents of this part.
         currents_a: Vec<f32, 16> ["A", -100, 100],
@@ -116,24 +116,23 @@ structure! {
 }
 
 structure! {
-    /// What became of the command. The fields after the outcome are present as far as they apply.
+    /// Result of a command. The fields after the outcome are present if they apply.
     pub struct Acknowledgement {
         /// Sequence number of the command's frame.
         command: u32,
         /// Kind of the command.
         kind: u8,
-        /// What became of it.
+        /// Result of the command.
         outcome: Outcome,
-        /// Index of the field that was not accepted: in the command, from 0, or in the item if
-        /// there is one.
+        /// Index of the invalid field: in the command, from 0, or in the item if there is one.
         field: Option<u8>,
         /// Index of the item in the command's list.
         item: Option<u8> ["", 0, 127],
-        /// Value found.
+        /// Invalid value.
         value: Option<f32> ["", -1e38, 1e38],
-        /// Least value allowed.
+        /// Lowest allowed value.
         low: Option<f32> ["", -1e38, 1e38],
-        /// Greatest value allowed.
+        /// Highest allowed value.
         high: Option<f32> ["", -1e38, 1e38],
     }
 }

@@ -5,11 +5,12 @@ use heapless::String;
 use crate::code::{Board, Chip, ResetCause};
 
 structure! {
-    /// A receiver that meets the device in mid-run asks for it with `identify`.
+    /// Identity of the device and its firmware. A receiver that connects in mid-run requests it with
+    /// `identify`.
     pub struct Hello {
         /// Minor version of the protocol; the major one is the first byte of every frame.
         minor_version: u8,
-        /// CRC-32 over the layout of all frames. If it is not the receiver's own while the
+        /// CRC-32 over the layout of all frames. If it differs from the receiver's own although the
         /// versions are the same, one of the two was built from changed sources.
         schema_hash: u32,
         /// Version of the firmware, first part.
@@ -24,17 +25,17 @@ structure! {
         dirty: bool,
         /// The data come from a simulation. Never true on a real board.
         simulated: bool,
-        /// The board.
+        /// Type of the board.
         board: Board,
         /// Number of this copy of the board; 0 if it has none.
         unit: u64,
-        /// Why the device started.
+        /// Cause of the device's start.
         reset_cause: ResetCause,
         /// Converter at the first address.
         chip: Chip,
         /// Converter at the second address.
         second_chip: Chip,
-        /// CRC-32 over settings and calibration in force: it shows whether data were taken with a
+        /// CRC-32 over the active settings and calibration: it shows whether data were taken with a
         /// known configuration.
         configuration_crc: u32,
     }
@@ -43,9 +44,9 @@ structure! {
 structure! {
     /// Location of the crash, as far as it is known.
     pub struct Crash {
-        /// What ended it.
+        /// Cause of the crash.
         cause: ResetCause,
-        /// Runs in a row that ended with a crash.
+        /// Number of consecutive runs that ended in a crash.
         streak: u8 ["1", 1, 255],
         /// End of the name of the source file, for a panic.
         file: String<48>,
@@ -55,7 +56,7 @@ structure! {
         program_counter: u32,
         /// Link register, for a hard fault; 0 if unknown.
         link_register: u32,
-        /// Time since its start, to within a millisecond; 0 if unknown.
+        /// Time from the start to the crash, to within a millisecond; 0 if unknown.
         uptime_ms: u32 ["ms"],
     }
 }

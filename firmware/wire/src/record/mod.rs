@@ -22,7 +22,7 @@ pub use sample::{Conversion, Raw, Sample};
 pub use storage::Storage;
 
 messages! {
-    /// A record, from the device to the PC.
+    /// A record from the device to the PC.
     pub enum Record {
         bare {}
         with payload {
@@ -31,15 +31,15 @@ messages! {
             /// Cause of the last crash: after the `hello` of a start that follows a panic or a hard
             /// fault.
             Crash(Crash) = 0x02 "crash",
-            /// A sample, evaluated.
+            /// An evaluated sample.
             Sample(Sample) = 0x03 "sample",
-            /// Conversions, packed and not evaluated.
+            /// Packed conversions without evaluation.
             Raw(Raw) = 0x04 "raw",
             /// A change of state.
             State(StateChange) = 0x05 "state",
-            /// The result of a measurement.
+            /// Result of a measurement.
             Estimate(Estimate) = 0x06 "estimate",
-            /// Part of a result; the points follow their estimate.
+            /// Point of the load curve of a result; the points follow their estimate.
             LoadPoint(LoadPoint) = 0x07 "load_point",
             /// A measurement without a result.
             Refusal(Refusal) = 0x08 "refusal",
@@ -47,19 +47,20 @@ messages! {
             Fault(Fault) = 0x09 "fault",
             /// At the interval `status_period_s` of the settings, and after `identify`.
             Status(Status) = 0x0A "status",
-            /// The answer to every command frame that arrived whole.
+            /// Answer to every whole command frame.
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
-            /// What a test of the coil found: once after each, which `test_coil` and `arm` begin.
+            /// Result of a coil test: once after each test, which `test_coil` and `arm` start.
             CoilTest(CoilTest) = 0x0C "coil_test",
-            /// Part of a recorded current: after a `drive_coil` that asks for it, when the last
-            /// current has been recorded.
+            /// Part of a current trace: after a `drive_coil` that requests it, when the last current has
+            /// been recorded.
             CurrentTrace(CurrentTrace) = 0x0D "current_trace",
-            /// What is stored, beside what is in force: after a start, a `store`, `load` or `erase`
-            /// that has ended, and the answer to `get_storage`.
+            /// State of the storage and of the active configuration: after a start, after a `store`,
+            /// `load` or `erase` has ended, and as the answer to `get_storage`.
             Storage(Storage) = 0x0E "storage",
-            /// What an interval is made of: before an estimate, or before the refusal of one that is too uncertain.
+            /// Contributions to an interval: before an estimate, or before the refusal of one that is
+            /// too uncertain.
             UncertaintyBudget(UncertaintyBudget) = 0x0F "uncertainty_budget",
-            /// The settings in force: answer to `get_settings`.
+            /// Active settings: answer to `get_settings`.
             Settings(Settings) = 0x10 "settings",
             /// Calibration of a resonator: answer to `get_calibration`.
             Tank(Tank) = 0x11 "tank",
@@ -75,16 +76,16 @@ messages! {
             StiffeningCurve(StiffeningCurve) = 0x16 "stiffening_curve",
             /// The coil's data: answer to `get_calibration`.
             Coil(Coil) = 0x17 "coil",
-            /// Attraction of the actuated layer's halves: answer to `get_calibration`.
+            /// Attraction between the halves of the actuated layer: answer to `get_calibration`.
             Attraction(Attraction) = 0x18 "attraction",
             /// Uncertainty added by a temperature other than the calibration's: answer to
             /// `get_calibration`.
             TemperatureEffect(TemperatureEffect) = 0x19 "temperature_effect",
             /// Calibration of the current measurement: answer to `get_calibration`.
             CurrentCorrection(CurrentCorrection) = 0x1A "current_correction",
-            /// Which calibration is in force: answer to `get_calibration`.
+            /// Identity of the active calibration: answer to `get_calibration`.
             CalibrationIdentity(CalibrationIdentity) = 0x1B "calibration_identity",
-            /// How springs and rise change with the temperature: answer to `get_calibration`.
+            /// Change of springs and rise with temperature: answer to `get_calibration`.
             TemperatureCoefficients(TemperatureCoefficients) = 0x1C "temperature_coefficients",
         }
     }

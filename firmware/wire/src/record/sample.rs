@@ -10,12 +10,12 @@ structure! {
     pub struct Sample {
         /// Converter: 0 first, 1 second.
         sensor: u8 ["", 0, 1],
-        /// Conversions of this converter (scans, with several channels) that were lost between the
-        /// last record of it and this one.
+        /// Number of conversions of this converter (scans, with several channels) that were lost between
+        /// its last record and this one.
         missed: u32 ["1"],
-        /// What went before is unknown: start, recovery, or conversions were lost.
+        /// The time before this record is unknown: start, recovery, or conversions were lost.
         gap: bool,
-        /// The conversions, one after the other in time.
+        /// The conversions in order of time.
         channels: Vec<Conversion, 4>,
         /// State of contact.
         contact: Contact,
@@ -23,12 +23,12 @@ structure! {
         force_n: Option<f32> ["N", -1e4, 1e4],
         /// Standard uncertainty of the force; absent without a calibration.
         force_sigma_n: Option<f32> ["N", 0, 1e4],
-        /// Mean of the coil's current over the first conversion, as measured; absent without a
-        /// current measurement.
+        /// Mean measured current of the coil over the first conversion; absent without a current
+        /// measurement.
         current_a: Option<f32> ["A", -100, 100],
-        /// Root mean square of what the bridge's switching adds to that mean, as coil and supply
-        /// have it; absent where it is not known. What goes by the square of the current, as
-        /// stiffening, crosstalk and heat do, sees sqrt(current_a^2 + ripple_a^2).
+        /// RMS ripple about that mean from the bridge's switching, computed from coil and supply; absent
+        /// if unknown. Stiffening, crosstalk and heat depend on the square of the current and see
+        /// sqrt(current_a^2 + ripple_a^2).
         ripple_a: Option<f32> ["A", 0, 100],
     }
 }
@@ -36,19 +36,19 @@ structure! {
 structure! {
     /// One conversion of one channel.
     pub struct Conversion {
-        /// The channel.
+        /// Number of the channel.
         channel: u8 ["", 0, 3],
-        /// From the header's time to the middle of this conversion.
+        /// Time from the header's time to the middle of this conversion.
         offset_us: u16 ["us"],
         /// Registers DATAx_MSB (upper half) and DATAx_LSB as read: bits 31 to 28 are the error
         /// flags under-range, over-range, watchdog, amplitude; bits 27 to 0 the result.
         word: u32,
-        /// Frequency of the sensor, whatever the flags say.
+        /// Frequency of the sensor, independent of the flags.
         frequency_hz: f64 ["Hz", 0, 1e9],
         /// Standard uncertainty of the frequency from quantisation and noise.
         sigma_hz: f32 ["Hz", 0, 1e9],
-        /// Deformation above the sensor's coil, corrected for baseline, cross-talk and drift;
-        /// absent without a calibration, and for a channel that has no deformation.
+        /// Deformation above the sensor's coil, corrected for baseline, cross-talk and drift; absent
+        /// without a calibration, and for a channel without a deformation.
         deformation_m: Option<f32> ["m", -0.1, 0.1],
         /// Standard uncertainty of the deformation.
         deformation_sigma_m: Option<f32> ["m", 0, 0.1],
@@ -58,18 +58,18 @@ structure! {
 }
 
 structure! {
-    /// Consecutive conversions without a gap between them. The header's time is the middle of the
-    /// first one; a scan over several channels counts as one conversion. A run ends early where
-    /// conversions were lost.
+    /// Consecutive conversions without a gap between them. The header's time is the middle of the first
+    /// one; a scan over several channels counts as one conversion. A run ends early if conversions are
+    /// lost.
     pub struct Raw {
         /// Converter: 0 first, 1 second.
         sensor: u8 ["", 0, 1],
-        /// Conversions (scans) that were lost between the last record of this converter and this
-        /// one.
+        /// Number of conversions (scans) that were lost between the last record of this converter and
+        /// this one.
         missed: u32 ["1"],
         /// Active channels: bit n for channel n.
         channels: u8 ["", 1, 15],
-        /// From one conversion (scan) to the next, by the device's clock.
+        /// Time from one conversion (scan) to the next, by the device's clock.
         period_us: f32 ["us", 1, 1e6],
         /// The words as in `sample`: the active channels from the lowest, scan by scan.
         words: Vec<u32, 32>,
