@@ -18,7 +18,7 @@ fn main() {
     divan::main();
 }
 
-/// A world in contact, with every disturbance.
+/// A world in contact, with all disturbances.
 fn pressed() -> World {
     let stack = Stack::builtin("ultrasoft").expect("it comes with the crate");
     let disturbances = Disturbances::builtin().expect("it comes with the crate");
@@ -38,7 +38,7 @@ fn current_a(milliseconds: u64) -> f64 {
     10.0 * (1.0 - (milliseconds % 50) as f64 / 50.0)
 }
 
-/// Items are simulated seconds.
+/// The unit of throughput is a simulated second.
 #[divan::bench]
 fn plant_alone(bencher: Bencher<'_, '_>) {
     let mut world = pressed();
@@ -51,7 +51,7 @@ fn plant_alone(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// A world of a known coil is made for every plant of a campaign.
+/// A campaign makes a world of a known coil for every plant.
 #[divan::bench]
 fn new_world(bencher: Bencher<'_, '_>) {
     let stack = Stack::builtin("ultrasoft").expect("it comes with the crate");
@@ -143,8 +143,8 @@ fn plant_and_chip_read_over_the_bus(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Everything: plant, converter, bus, driver and procedure, with every record kept. Five simulated
-/// seconds of watching, at 1 kHz.
+/// The whole board: plant, converter, bus, driver and procedure, with every record kept. Five
+/// simulated seconds of watching, at 1 kHz.
 #[divan::bench]
 fn whole_board(bencher: Bencher<'_, '_>) {
     bencher

@@ -1,9 +1,9 @@
-//! The coil's current: what flows, and what the instrument measures of it.
+//! Drive of the coil's current, and its measurement by the instrument.
 //!
-//! An ideal source drives the coil: its mean follows the command at once, within the hardware's limit
-//! and what the supply can push through the coil. What the bridge's switching adds is known in closed
-//! form: the ripple, whose square acts as the current's own does, and the part of the period for
-//! which it drives. The way back, the measurement, has its errors.
+//! An ideal source drives the coil: its mean follows the command at once, within the hardware limit
+//! and within the current that the supply can drive through the coil. The effects of the bridge's
+//! switching have a closed form: the ripple, whose square acts as the square of the current does,
+//! and the duty cycle. The measurement has its own errors.
 
 use core::f64::consts::TAU;
 
@@ -12,8 +12,8 @@ use ldc161x_sim::Time;
 use crate::random::Stream;
 use crate::sensing_coil::interference::Bridge;
 
-/// Hardware limit of the current in units of the stack's peak current (the bridge has one, which is
-/// mandatory; its height is a guess).
+/// Hardware current limit, in units of the stack's peak current. A bridge must have such a limit;
+/// its level is a guess.
 pub const HARD_LIMIT: f64 = 1.5;
 
 /// One step of the ADC, A: 12 bits over 3.3 V behind an amplifier of 0.125 V/A about 1.65 V (the
@@ -25,10 +25,10 @@ pub const LSB_A: f64 = 3.3 / 4096.0 / 0.125;
 pub struct CurrentParameters {
     /// Peak current of the stack, A, 0.01 to 100.
     pub peak_a: f64,
-    /// Inductance of the coils, H, 10⁻⁷ to 1. An ideal source does not feel it; it is here for a
-    /// bridge that does.
+    /// Inductance of the coils, H, 10⁻⁷ to 1. The ideal source ignores it; the simulated bridge
+    /// uses it.
     pub inductance_h: f64,
-    /// Voltage of the supply without load, V, 0.5 to 100; infinite for one without limit.
+    /// Voltage of the supply without load, V, 0.5 to 100; infinite for an unlimited supply.
     pub supply_v: f64,
     /// Resistance of the supply, ohm, 0 to 10.
     pub supply_ohm: f64,
@@ -41,31 +41,31 @@ pub struct CurrentParameters {
     pub nonlinearity_phase: f64,
     /// Noise of one sample of the ADC, LSB rms, 0 to 200; white.
     pub noise_lsb: f64,
-    /// Share of the ripple that there is: 1, or 0 for a source without.
+    /// Ripple factor: 1, or 0 for a source without ripple.
     pub ripple: f64,
 }
 
 /// Period of the bridge, s (the reference board: 62.5 kHz; docs/decisions/0040).
 pub const PWM_PERIOD_S: f64 = 16e-6;
 
-/// The current that does what a mean and the root mean square of its ripple do together, where that
-/// goes by the square, A.
+/// Effective current, A: root of the sum of the squared mean and the squared rms ripple, with the
+/// sign of the mean. Effects that depend on I² follow it.
 #[must_use]
 pub fn acting_a(mean_a: f64, ripple_a: f64) -> f64 {
     libm::copysign(libm::hypot(mean_a, ripple_a), mean_a)
 }
 
-/// What drives the coil where the supply has no limit, V.
+/// Voltage across the coil where the supply has no limit, V.
 const UNLIMITED_V: f64 = 12.0;
 
 impl CurrentParameters {
-    /// The largest current that flows through a coil of this resistance, A.
+    /// Largest possible current in a coil of this resistance, A.
     #[must_use]
     pub fn limit_a(&self, coil_ohm: f64) -> f64 {
         (HARD_LIMIT * self.peak_a).min(self.supply_v / (coil_ohm + self.supply_ohm))
     }
 
-    /// What the bridge does to hold this current in a coil of this resistance.
+    /// State of the bridge that drives `current_a` through a coil of this resistance.
     #[must_use]
     pub fn bridge(&self, current_a: f64, coil_ohm: f64) -> Bridge {
         let supply_v = if self.supply_v.is_finite() {
@@ -81,8 +81,8 @@ impl CurrentParameters {
         }
     }
 
-    /// The current that does what mean and ripple do together, where that goes by its square, A:
-    /// its root mean square over a period, with its sign.
+    /// Effective current with its ripple, A: the root mean square over a period, with the sign of
+    /// the mean (see [`acting_a`]).
     #[must_use]
     pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         acting_a(current_a, self.ripple_a(current_a, coil_ohm))
@@ -90,9 +90,9 @@ impl CurrentParameters {
 
     /// Root mean square of the ripple, A.
     ///
-    /// The ripple of a coil that is driven for the part d of the period and shorted for the rest is a
-    /// triangle of V d (1 − d) T/L, whose variance is a twelfth of its square; the coil's resistance
-    /// bends it by less than a part R T/L of it.
+    /// A coil that is driven for the part d of the period and shorted for the rest has a triangular
+    /// ripple of V d (1 − d) T/L peak to peak, whose variance is a twelfth of its square. The
+    /// coil's resistance changes it by less than a part R T/L.
     #[must_use]
     pub fn ripple_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         let Bridge {
@@ -104,16 +104,16 @@ impl CurrentParameters {
         self.ripple * peak_to_peak_a / libm::sqrt(12.0)
     }
 
-    /// The measured value where there is no current, without the noise, A: the zero that a drive
-    /// measures in its self-test, and takes out.
+    /// Measured value at zero current, without noise, A: the offset that the drive measures in its
+    /// self-test and subtracts.
     #[must_use]
     pub fn zero_a(&self) -> f64 {
         LSB_A * self.nonlinearity_lsb * libm::sin(self.nonlinearity_phase)
     }
 
-    /// The measured value of a true mean current, from the mean of so many samples, A.
+    /// Measured value of a true mean current, averaged over `samples` samples, A.
     ///
-    /// Whole codes are not modelled: the noise dithers them.
+    /// Quantisation is not modelled: the noise dithers it.
     pub fn reported_a(&self, true_a: f64, samples: u32, noise: &mut Stream) -> f64 {
         let scatter = if self.noise_lsb > 0.0 {
             self.noise_lsb * noise.normal() / libm::sqrt(f64::from(samples.max(1)))
@@ -123,7 +123,7 @@ impl CurrentParameters {
         self.noiseless_a(true_a) + LSB_A * scatter
     }
 
-    /// The same without noise.
+    /// Measured value without noise, A.
     #[must_use]
     pub fn noiseless_a(&self, true_a: f64) -> f64 {
         let amplified = true_a * (1.0 + self.gain_error);
@@ -133,17 +133,17 @@ impl CurrentParameters {
     }
 }
 
-/// The commanded current as a function of time: straight lines between points, constant after the
+/// Commanded current as a function of time: piecewise linear between points, constant after the
 /// last one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Command {
     points: Vec<(Time, f64)>,
-    /// The ripple, root mean square, A, of one that a circuit outside has made.
+    /// Ripple computed by an external circuit, A rms; `None` if this model computes it.
     pub(crate) ripple_a: Option<f64>,
 }
 
 impl Command {
-    /// Through these points, in the order of time.
+    /// Command through these points, which are in order of time.
     pub(crate) const fn path(points: Vec<(Time, f64)>) -> Self {
         Self {
             points,
@@ -176,13 +176,13 @@ impl Command {
         }
     }
 
-    /// The next point after `time`.
+    /// Time of the next point after `time`.
     pub(crate) fn next_knot(&self, time: Time) -> Option<Time> {
         let passed = self.points.partition_point(|&(at, _)| at <= time);
         self.points.get(passed).map(|&(at, _)| at)
     }
 
-    /// Whether it does for ever what another, which is constant, does.
+    /// Whether it stays equal to `other`, which is constant, from `time` on.
     pub(crate) fn rests_as(&self, time: Time, other: &Self) -> bool {
         let rests = |command: &Self| (command.at(time), command.ripple_a);
         self.next_knot(time).is_none() && rests(self) == rests(other)
@@ -309,7 +309,7 @@ mod tests {
         let rest = Command::constant(1.0);
         assert!(path.rests_as(end, &rest) && !path.rests_as(middle, &rest));
         assert!(!path.rests_as(end, &Command::rippling(1.0, 0.1)));
-        // A jump, and nothing at all.
+        // A jump, and an empty path.
         let jump = Command::path(vec![(start, 8.0), (start, 2.0)]);
         assert_eq!(jump.at(start), 2.0);
         assert_eq!(Command::default().at(start), 0.0);

@@ -1,4 +1,4 @@
-//! An instrument under way on a simulated plant, whatever runs it.
+//! A running instrument on a simulated plant, on any kind of board.
 
 use palpate_procedure::Instant;
 use palpate_wire::{Command, Frame, Record};
@@ -9,31 +9,31 @@ use crate::world::World;
 
 /// An instrument that takes commands and sends records, on a plant whose time it drives.
 ///
-/// [`NativeBoard`](crate::native::NativeBoard) is one on this computer; an emulated board that
-/// runs the firmware's image is another.
+/// [`NativeBoard`](crate::native::NativeBoard) runs on this computer; an emulated board runs the
+/// firmware image.
 pub trait Device {
-    /// Why it cannot run on.
+    /// Error that stops the device.
     type Error;
 
-    /// The present.
+    /// Current virtual time.
     fn now(&self) -> Time;
 
-    /// Sends a command; its answer is among the records when this returns.
+    /// Sends a command. Its answer is among the records when this function returns.
     ///
     /// # Errors
     /// If the device cannot run on, or does not answer.
     fn send(&mut self, command: Command) -> Result<(), Self::Error>;
 
-    /// Runs a little, to `end` at most, or beyond it by what cannot be divided.
+    /// Runs a short time, to `end` at most, or beyond it where a step cannot be divided.
     ///
     /// # Errors
     /// If the device cannot run on.
     fn advance(&mut self, end: Time) -> Result<(), Self::Error>;
 
-    /// The records that were not taken yet, each with its header.
+    /// Records that have not been taken yet, each with its header.
     fn frames(&mut self) -> &mut Vec<Frame<Record>>;
 
-    /// Looks at the world, or changes it, now.
+    /// Calls `apply` with the world at the current time, to read or to change it.
     fn with_world<T>(&mut self, apply: impl FnOnce(&mut World) -> T) -> T;
 
     /// Takes the frames since the last call.
@@ -60,7 +60,7 @@ pub trait Device {
         Ok(())
     }
 
-    /// Runs until a record has come that satisfies `found`, or until `end`; returns whether it has.
+    /// Runs until a record satisfies `found`, or until `end`; returns whether one did.
     ///
     /// # Errors
     /// If the device cannot run on.

@@ -29,6 +29,6 @@ pub mod switches;
 pub mod thermal;
 pub mod world;
 
-/// Virtual time, the same for world and converter: whole picoseconds, so that no clock drifts
-/// against another.
+/// Virtual time, shared by world and converter: whole picoseconds, so that no clock drifts against
+/// another.
 pub use ldc161x_sim::Time;

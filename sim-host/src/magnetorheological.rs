@@ -1,4 +1,4 @@
-//! The magnetorheological effect: how the actuated layer stiffens with the current.
+//! The magnetorheological effect: the actuated layer stiffens with the current.
 //!
 //! c_D = c_D0 (1 + ε σ), with a stiffening σ of 0 without field and 1 at the peak current. It
 //! follows the current through three stages:
@@ -9,9 +9,9 @@
 //!    hysteresis (SOURCES.md 3.5; Visintin, "Differential models of hysteresis", 1994);
 //! 3. a first-order lag (SOURCES.md 3.6).
 
-/// Half the width of the play, in units of the stiffening at the peak. The sources give the share
-/// that is remembered, not the width (guess). From a fresh sample, the full excursion still reaches
-/// σ = 1, and a return to zero current leaves a third of the share m behind.
+/// Half the width of the play, in units of the stiffening at the peak (guess: the sources give the
+/// remembered share, not the width). From a fresh sample, the full excursion still reaches σ = 1,
+/// and a return to zero current leaves a third of the share m.
 pub const PLAY_HALF_WIDTH: f64 = 0.25;
 
 /// The law and its imperfections.
@@ -32,7 +32,7 @@ pub struct MagnetorheologicalParameters {
 }
 
 impl MagnetorheologicalParameters {
-    /// s(B)/s(B_peak) at a current relative to the peak; even in it.
+    /// s(B)/s(B_peak) at a current relative to the peak; an even function.
     ///
     /// ```
     /// use palpate_sim::magnetorheological::MagnetorheologicalParameters;
@@ -56,21 +56,21 @@ impl MagnetorheologicalParameters {
         square * (1.0 + half * half) / (square + half * half)
     }
 
-    /// ε at a temperature above that of calibration, K.
+    /// ε at a temperature `warmer_k` above that of calibration, K.
     #[must_use]
     pub fn strength(&self, warmer_k: f64) -> f64 {
         self.stiffening_at_peak * libm::exp(self.stiffening_per_kelvin * warmer_k)
     }
 
-    /// The stiffening that the lag will settle to.
+    /// Stiffening to which the lag settles.
     #[must_use]
     pub fn target(&self, saturation: f64, play: Play) -> f64 {
         let remembered = play.0 / (1.0 - PLAY_HALF_WIDTH);
         (1.0 - self.memory) * saturation + self.memory * remembered
     }
 
-    /// The stiffening after a time in which its target moved linearly from `target.0` to
-    /// `target.1`; exact.
+    /// Stiffening after a time in which its target moved linearly from `target.0` to `target.1`;
+    /// exact.
     #[must_use]
     pub fn relax(&self, stiffening: f64, target: (f64, f64), duration_s: f64) -> f64 {
         if self.lag_s == 0.0 {
@@ -86,13 +86,13 @@ impl MagnetorheologicalParameters {
     }
 }
 
-/// State of the play operator: the output of a rod with backlash that follows its input. The default
-/// is a fresh sample, never magnetised.
+/// State of the play operator: the output of a rod with backlash that follows its input. The
+/// default is a fresh sample that has never been magnetised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Play(f64);
 
 impl Play {
-    /// The state after the input has moved, without turning, to `input`.
+    /// State after the input has moved monotonically to `input`.
     #[must_use]
     pub fn follow(self, input: f64) -> Self {
         Self(
@@ -101,7 +101,7 @@ impl Play {
         )
     }
 
-    /// The operator's output.
+    /// Output of the operator.
     #[must_use]
     pub fn value(self) -> f64 {
         self.0

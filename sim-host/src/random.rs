@@ -1,8 +1,8 @@
-//! Chance: one stream of random numbers for each named quantity.
+//! Random numbers: one stream for each named quantity.
 //!
-//! Each quantity draws from a stream of its own, chosen by the seed and the quantity's name. So a
-//! quantity that is added, left out or switched off moves no other one, and a plant keeps its
-//! numbers while the model grows. The generator is PCG XSL RR 128/64 (O'Neill 2014).
+//! Each quantity draws from its own stream, selected by the seed and the quantity's name. Adding,
+//! removing or disabling a quantity does not change any other, so a plant keeps its values while
+//! the model grows. The generator is PCG XSL RR 128/64 (O'Neill 2014).
 
 use core::f64::consts::TAU;
 

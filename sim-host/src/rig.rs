@@ -1,12 +1,12 @@
-//! The bench on which an instrument is calibrated, and what its user reads there.
+//! The bench on which an instrument is calibrated, with the readings of its user.
 //!
-//! A stage presses a specimen upon the sensor: a reference spring, or a rigid block. A load cell
-//! measures the force, the stage's scale the overall displacement. None of them is perfect, and the
-//! frame gives way (the disturbances' `[calibration_rig]`). The bench is at the temperature of
-//! calibration, and it vibrates as any stand.
+//! A stage presses a specimen on the sensor: a reference spring, or a rigid block. A load cell
+//! measures the force, the stage's scale the overall displacement. Both have errors, and the frame
+//! is compliant (the disturbances' `[calibration_rig]`). The bench is at the temperature of
+//! calibration, and it vibrates as any stand does.
 //!
-//! [`Rig`] holds the sensor. [`BareRig`] has a rigid block in the sensor's place, which shows the
-//! frame's own compliance.
+//! [`Rig`] contains the sensor. [`BareRig`] has a rigid block in the sensor's place, which shows
+//! the frame's own compliance.
 
 use core::f64::consts::TAU;
 
@@ -17,15 +17,15 @@ use crate::random::Stream;
 use crate::switches::Switches;
 use crate::world::{Setup, World};
 
-/// How far above the sensor the specimen starts, m.
+/// Initial distance of the specimen above the sensor, m.
 pub const CLEARANCE_M: f64 = 0.2e-3;
 
-/// What the stage presses upon the sensor.
+/// Object that the stage presses on the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Specimen {
-    /// A reference spring, by what is written on it, N/m.
+    /// A reference spring.
     Spring {
-        /// Its nominal stiffness, N/m.
+        /// Nominal stiffness, as marked on the spring, N/m.
         nominal_n_per_m: f64,
     },
     /// A rigid block.
@@ -41,7 +41,7 @@ pub struct RigReading {
     pub stage_m: f64,
 }
 
-/// The load cell and the scale, by themselves: for a bench whose world has been given to a board.
+/// Load cell and scale alone, for a bench whose world belongs to a board.
 #[derive(Clone, Debug)]
 pub struct Gauges {
     parameters: RigParameters,
@@ -49,7 +49,8 @@ pub struct Gauges {
 }
 
 impl Gauges {
-    /// Reads load cell and scale of a bench's world now. Each call has its own noise.
+    /// Reads load cell and scale of a bench's world at its current time. Each call has its own
+    /// noise.
     pub fn read(&mut self, world: &World) -> RigReading {
         self.reading(world.truth().force_n, world.planned_press_m())
     }
@@ -99,7 +100,7 @@ impl Rig {
     /// A bench with this plant's sensor in it and a specimen [`CLEARANCE_M`] above.
     ///
     /// # Errors
-    /// [`ParameterError`] as [`World::new`], and for a specimen that is no spring.
+    /// [`ParameterError`] as [`World::new`], and for an invalid specimen spring.
     pub fn new(
         parameters: &Parameters,
         switches: Switches,
@@ -108,8 +109,8 @@ impl Rig {
         Self::warmer(parameters, switches, specimen, 0.0)
     }
 
-    /// The same bench, with the same specimens and gauges, so many kelvin above the temperature of calibration.
-    /// Its noise is another one.
+    /// The same bench, specimens and gauges at `warmer_k` kelvin above the temperature of
+    /// calibration, with other noise.
     ///
     /// # Errors
     /// As [`Rig::new`].
@@ -131,7 +132,7 @@ impl Rig {
             }
             Specimen::Block => (Load::Rigid, "rig_block".to_owned()),
         };
-        // What is drawn of the specimens is drawn.
+        // The seed changes only the noise: the specimens are already drawn.
         parameters.seed ^= warmer_k.to_bits();
         let gauges = Gauges {
             parameters: parameters.rig,
@@ -149,13 +150,13 @@ impl Rig {
         })
     }
 
-    /// The world on the bench.
+    /// World of the bench.
     #[must_use]
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// The world on the bench, to let time pass and to set the current.
+    /// World of the bench, to advance time and to set the current.
     pub fn world_mut(&mut self) -> &mut World {
         &mut self.world
     }
@@ -165,18 +166,18 @@ impl Rig {
         self.world.move_press(position_m, speed_m_per_s);
     }
 
-    /// Reads load cell and scale now. Each call has its own noise.
+    /// Reads load cell and scale at the current time. Each call has its own noise.
     pub fn read(&mut self) -> RigReading {
         self.gauges.read(&self.world)
     }
 
-    /// World and gauges apart.
+    /// Splits the bench into world and gauges.
     #[must_use]
     pub fn into_parts(self) -> (World, Gauges) {
         (self.world, self.gauges)
     }
 
-    /// What is written on the spring, N/m; nothing for a block.
+    /// Nominal stiffness marked on the spring, N/m; `None` for a block.
     #[must_use]
     pub fn nominal_spring_n_per_m(&self) -> Option<f64> {
         match self.specimen {
@@ -193,7 +194,7 @@ pub struct BareRig {
 }
 
 impl BareRig {
-    /// The bench of this plant.
+    /// Bench of a plant.
     #[must_use]
     pub fn new(parameters: &Parameters, switches: Switches) -> Self {
         let parameters = parameters.effective(&switches);
@@ -205,8 +206,8 @@ impl BareRig {
         }
     }
 
-    /// Presses block on block until the true force is `force_n`, and reads. The scale is zero where
-    /// they touch.
+    /// Presses block on block until the true force is `force_n`, and returns the reading. The scale
+    /// is zero at first contact.
     pub fn press(&mut self, force_n: f64) -> RigReading {
         let stage_m = force_n * self.gauges.parameters.frame_m_per_n;
         self.gauges.reading(force_n, stage_m)

@@ -1,4 +1,4 @@
-//! Scenario files: which sensor, what disturbs it, and what is pressed upon it.
+//! Scenario files: sensor, disturbances and pressed objects.
 //!
 //! ```
 //! use palpate_sim::scenario::Scenario;
@@ -33,14 +33,14 @@ use crate::stack::{LoadError, Stack, checked_name, names, read};
 use crate::switches::Switches;
 use crate::world::Holder;
 
-/// What is simulated.
+/// One scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
-    /// The kind of sensor.
+    /// Kind of sensor.
     pub stack: Stack,
-    /// What disturbs it.
+    /// Active disturbances.
     pub switches: Switches,
-    /// The presses, each upon a sensor in the same state.
+    /// Presses, each on a sensor in the same initial state.
     pub presses: Vec<Press>,
 }
 
@@ -49,14 +49,14 @@ pub struct Scenario {
 pub struct Press {
     /// Name in tables.
     pub name: String,
-    /// The object.
+    /// Pressed object.
     pub load: Load,
-    /// Who presses.
+    /// Stand or hand.
     pub holder: Holder,
-    /// How deep the sensing layer is meant to be pressed, m; what the sensor was drawn for if not
-    /// given.
+    /// Intended displacement of the sensing layer, m; by default the depth for which the sensor was
+    /// drawn.
     pub depth_m: Option<f64>,
-    /// How fast, m/s; as on the calibration's bench if not given.
+    /// Speed, m/s; by default that of the calibration bench.
     pub speed_m_per_s: Option<f64>,
 }
 
@@ -71,19 +71,19 @@ const PRESS_KEYS: [&str; 7] = [
     "holder",
 ];
 
-/// What [`Load`] takes.
+/// Allowed stiffness, as for [`Load`].
 const STIFFNESS: Allowed = Allowed::new(1.0, 1e10, "N/m");
 const CUBIC: Allowed = Allowed::new(0.0, 1e20, "N/m^3");
-/// As in a stack file.
+/// Allowed depth, as in a stack file.
 const DEPTH: Allowed = Allowed::new(1e-6, 0.8e-3, "m");
-/// From a press that takes a minute to one of a few conversions.
+/// Allowed speed: from a press of a minute to a press of a few conversions.
 const SPEED: Allowed = Allowed::new(1e-5, 0.1, "m/s");
 
 impl Scenario {
-    /// Reads a file. A stack file that it names is searched beside it.
+    /// Reads a file. A stack file that it names is searched in the same folder.
     ///
     /// # Errors
-    /// [`LoadError`] if one of them cannot be read or is refused.
+    /// [`LoadError`] if the scenario or a stack cannot be read or is refused.
     pub fn load(path: &Path) -> Result<Self, LoadError> {
         let folder = path.parent().unwrap_or_else(|| Path::new(""));
         Self::read(&path.display().to_string(), &read(path)?, folder)

@@ -1,14 +1,14 @@
 //! One switch for each disturbance. Numbers in brackets are sections of SOURCES.md, names in
 //! brackets those of `stacks/disturbances.toml`.
 
-/// Declares the switches once: fields, names and access by name cannot come apart.
+/// Declares the switches once, so that fields, names and access by name agree.
 macro_rules! switches {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {
         /// Which disturbances act.
         ///
-        /// A switch that is off sets the disturbance's parameters to their neutral values before
-        /// the simulation starts (see [`crate::parameters::Parameters::effective`]). The parameters
-        /// are drawn all the same, so switching one disturbance off moves no other.
+        /// A disabled switch sets the disturbance's parameters to their neutral values before the
+        /// simulation starts (see [`crate::parameters::Parameters::effective`]). The parameters are
+        /// drawn in any case, so disabling one disturbance changes no other.
         ///
         /// ```
         /// use palpate_sim::switches::Switches;
@@ -33,7 +33,7 @@ macro_rules! switches {
                 Self { $($name: on,)+ }
             }
 
-            /// Whether the disturbance of that name acts; nothing if there is none.
+            /// Whether the disturbance of that name is enabled; `None` if there is none.
             #[must_use]
             pub fn get(&self, name: &str) -> Option<bool> {
                 match name {
@@ -42,7 +42,7 @@ macro_rules! switches {
                 }
             }
 
-            /// The same with one disturbance on or off. An unknown name changes nothing.
+            /// The switches with one disturbance on or off. An unknown name changes nothing.
             #[must_use]
             pub fn with(mut self, name: &str, on: bool) -> Self {
                 match name {
@@ -77,25 +77,25 @@ switches! {
     capacitance_temperature,
     /// Springs of the sensor creep (3.4).
     creep,
-    /// The stiffening remembers (3.5).
+    /// The stiffening has hysteresis (3.5).
     memory,
-    /// The stiffening follows the field late (3.6).
+    /// The stiffening lags behind the field (3.6).
     lag,
     /// The supply sags and limits the current (3.6).
     supply,
-    /// The load stands on something that gives way (3.7); the truth is both in series.
+    /// The load stands on a compliant frame (3.7); the true stiffness is that of both in series.
     frame,
     /// A stand vibrates (`[press]`); acts with [`crate::world::Holder::Stand`].
     vibration,
     /// A hand trembles (3.7); acts with [`crate::world::Holder::Hand`].
     tremor,
-    /// The measured current is off by a factor (`[current_chain]`).
+    /// The current measurement has a gain error (`[current_chain]`).
     current_gain,
     /// The ADC is not linear (3.8).
     adc_nonlinearity,
     /// The ADC is noisy (3.8).
     adc_noise,
-    /// The converter's reference clock is off (3.9).
+    /// The converter's reference clock has an error (3.9).
     reference_clock,
     /// The converter counts whole edges (3.9).
     ldc_quantisation,
@@ -112,15 +112,15 @@ switches! {
     coil_bending,
     /// Copper of the actuated layer lies under the sensing coil (3.10).
     copper_image,
-    /// The calibration rig's frame gives way (`[calibration_rig]`).
+    /// The calibration rig's frame is compliant (`[calibration_rig]`).
     rig_frame,
     /// The load cell is noisy.
     load_cell_noise,
-    /// The load cell is off by a factor.
+    /// The load cell has a gain error.
     load_cell_gain,
-    /// The stage's scale is off.
+    /// The stage's scale has an error.
     stage_error,
-    /// The rig's springs are not what they are said to be.
+    /// The rig's springs differ from their nominal values.
     spring_tolerance,
 }
 
@@ -137,8 +137,9 @@ impl Switches {
         Self::uniform(false)
     }
 
-    /// One disturbance acts alone. The effects of temperature need one, so `heating` and
-    /// `ambient_change` act beside them. Nothing if there is no disturbance of that name.
+    /// Only one disturbance acts. The effects of temperature need a temperature change, so
+    /// `heating` and `ambient_change` act beside them. `None` if there is no disturbance of that
+    /// name.
     #[must_use]
     pub fn only(name: &str) -> Option<Self> {
         Self::none().get(name)?;

@@ -3,16 +3,16 @@
 //! C_c dT_c/dt = I² R(T_c) − (T_c − T_p)/R_cp,  C_p dT_p/dt = (T_c − T_p)/R_cp − (T_p − T_a)/R_pa
 //!
 //! The values are those of the disturbances' `[thermal]`. The pad is the body of the sensor: both
-//! layers and the tank are taken to be at its temperature, the pessimistic choice for the sensing
-//! side, on which the sources are silent.
+//! layers and the tank are assumed to be at its temperature, the pessimistic choice for the sensing
+//! side. The sources do not give it.
 
-/// Temperature at which everything is calibrated, °C (guess: a room; only differences from it act).
+/// Temperature of calibration, °C (guess: a room; only differences from it matter).
 pub const CALIBRATION_C: f64 = 25.0;
 
 /// Temperature coefficient of copper's resistance, 1/K (published; SOURCES.md section 3).
 pub const COPPER_PER_KELVIN: f64 = 3.9e-3;
 
-/// The two nodes and what surrounds them.
+/// Parameters of the two nodes and of their surroundings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalParameters {
     /// Ambient temperature less [`CALIBRATION_C`], K, ±50.
@@ -29,13 +29,13 @@ pub struct ThermalParameters {
     pub pad_to_ambient_k_per_w: f64,
     /// Resistance of the coils at [`CALIBRATION_C`], ohm, 10⁻³ to 10³.
     pub resistance_ohm: f64,
-    /// Its relative change with temperature, 1/K: [`COPPER_PER_KELVIN`] or none.
+    /// Relative change of that resistance with temperature, 1/K: [`COPPER_PER_KELVIN`] or none.
     pub resistance_per_kelvin: f64,
-    /// Share of the electrical power that becomes heat here: 1, or 0 with heating switched off.
+    /// Share of the electrical power that becomes heat here: 1, or 0 with heating disabled.
     pub heating: f64,
 }
 
-/// Temperatures and the heat that has passed.
+/// Temperatures and the heat transferred so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ThermalState {
     /// Copper above [`CALIBRATION_C`], K.
@@ -49,7 +49,7 @@ pub struct ThermalState {
 }
 
 impl ThermalParameters {
-    /// Everything at ambient temperature.
+    /// State with everything at ambient temperature.
     #[must_use]
     pub fn at_rest(&self) -> ThermalState {
         ThermalState {
@@ -77,7 +77,7 @@ impl ThermalParameters {
             1.0 / self.copper_to_pad_k_per_w,
             1.0 / self.pad_to_ambient_k_per_w,
         );
-        // heat flows at the start, W, and how they change with the rises of the temperatures
+        // Heat flows at the start, W, and their change with the temperature rises.
         let heating = power + slope * from.copper_k;
         let across = inner * (from.copper_k - from.pad_k);
         let loss = outer * (from.pad_k - self.ambient_change_k);

@@ -1,41 +1,41 @@
 //! Bridge, coil and supply.
 //!
 //! L di/dt = E − R i, where E and R depend on which of the four transistors and diodes conduct:
-//! i(t) = E/R + (i₀ − E/R) exp(−R t/L). Dead times, the hardware's limit and the end of a current
-//! through diodes cut a span into such pieces.
+//! i(t) = E/R + (i₀ − E/R) exp(−R t/L). Dead times, the hardware limit and the decay of a diode
+//! current to zero divide a span into such pieces.
 
-/// What is connected.
+/// Parameters of the circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircuitParameters {
-    /// Resistance of the coil now, ohm, 10⁻³ to 10³.
+    /// Resistance of the coil, ohm, 10⁻³ to 10³.
     pub coil_ohm: f64,
-    /// Its inductance, H, 10⁻⁷ to 1.
+    /// Inductance of the coil, H, 10⁻⁷ to 1.
     pub inductance_h: f64,
     /// Resistance of the bridge's two conducting transistors and of the wires, ohm.
     pub bridge_ohm: f64,
     /// Voltage of the supply without load, V.
     pub supply_v: f64,
-    /// Resistance of the supply, ohm. It takes back what the coil returns.
+    /// Resistance of the supply, ohm. The supply absorbs the energy that the coil returns.
     pub supply_ohm: f64,
     /// Forward voltage of a diode, V.
     pub diode_v: f64,
-    /// From one transistor of a half bridge to the other, s.
+    /// Dead time between the two transistors of a half bridge, s.
     pub dead_s: f64,
-    /// The hardware's limit, A; infinite for a bridge without one.
+    /// Hardware current limit, A; infinite for a bridge without one.
     pub limit_a: f64,
-    /// From the limit to the end of the drive, s: comparator and blanking.
+    /// Delay from reaching the limit to the end of the drive, s: comparator and blanking.
     pub limit_delay_s: f64,
-    /// For how long the bridge then shorts the coil, s.
+    /// Time for which the bridge shorts the coil after a trip, s.
     pub limit_off_s: f64,
-    /// From nSLEEP high to outputs that follow the inputs, s.
+    /// Wake-up time, s: from nSLEEP high until the outputs follow the inputs.
     pub wake_s: f64,
 }
 
 impl CircuitParameters {
-    /// A bridge of common parts: 70 mΩ of transistors and wires, 100 ns of dead time, limit 15 A
-    /// after 1.5 µs with a fixed time of 20 µs off. All are within the data sheets of integrated
-    /// 12 V bridges; the very values are a guess. It wakes within 1 ms, the time of drivers of external
-    /// transistors (DRV8704, SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
+    /// A typical bridge: transistors and wires of 70 mΩ, 100 ns of dead time, limit 15 A after 1.5
+    /// µs with a fixed off-time of 20 µs. All values are within the data sheets of integrated 12 V
+    /// bridges; the exact values are a guess. It wakes within 1 ms, the time of gate drivers for
+    /// external transistors (DRV8704, SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
     #[must_use]
     pub const fn common(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl CircuitParameters {
     }
 }
 
-/// The levels of the bridge's inputs.
+/// Levels of the bridge's inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pins {
     /// nSLEEP.
@@ -63,20 +63,21 @@ pub struct Pins {
     pub inputs: [bool; 2],
 }
 
-/// What conducts in one half of the bridge.
+/// Conducting part of one half bridge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Half {
     /// The upper transistor.
     Top,
     /// The lower transistor.
     Bottom,
-    /// Neither: whichever diode the current takes.
+    /// Neither transistor: the current takes a diode.
     #[default]
     Diodes,
 }
 
 impl Pins {
-    /// Both inputs low disconnect the coil, both high short it at the bottom.
+    /// Conducting parts of both half bridges. Both inputs low disconnect the coil; both high short
+    /// it at the bottom.
     const fn halves(self) -> [Half; 2] {
         match (self.awake, self.inputs) {
             (false, _) | (true, [false, false]) => [Half::Diodes; 2],
@@ -96,44 +97,45 @@ pub struct Totals {
     pub charge_a_s: f64,
     /// ∫ i² dt, A² s.
     pub square_a2_s: f64,
-    /// Energy out of the supply less what came back, J.
+    /// Energy drawn from the supply less the energy returned, J.
     pub supply_j: f64,
     /// ∫ V dt at the bridge's supply pins, V s.
     pub supply_v_s: f64,
 }
 
-/// The circuit and its present.
+/// The circuit and its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circuit {
-    /// What it is made of; may change at any time.
+    /// Parameters; may change at any time.
     pub parameters: CircuitParameters,
     current_a: f64,
     totals: Totals,
     peak_a: f64,
-    /// What the pins ask for, and what conducts until a dead time is over.
+    /// State that the pins request; it takes effect when the dead time ends.
     asked: [Half; 2],
     dead_until_s: [f64; 2],
-    /// When the hardware's limit ends the drive, and when it lets it go on.
+    /// Trip time of the hardware limit; `shorted_until_s` is the end of the short after it.
     trips_s: f64,
     shorted_until_s: f64,
     trips: u32,
-    /// When the bridge is awake; infinite while it is to sleep.
+    /// Time at which the bridge is awake; infinite while it is asleep.
     awake_from_s: f64,
 }
 
-/// What determines the current now.
+/// Driving voltage and resistance of the conducting path.
 #[derive(Clone, Copy)]
 struct Mesh {
     voltage_v: f64,
     resistance_ohm: f64,
-    /// The current can only die, and stops at zero.
+    /// A diode current: it can only decay, and stops at zero.
     through_diodes: bool,
-    /// 1 where the current comes from the supply, -1 where it goes back, 0 where it does neither.
+    /// 1 where the current comes from the supply, -1 where it returns to the supply, 0 where it
+    /// does neither.
     from_supply: f64,
 }
 
 impl Circuit {
-    /// Without current, asleep.
+    /// A circuit without current, its bridge asleep.
     #[must_use]
     pub fn new(parameters: CircuitParameters) -> Self {
         Self {
@@ -150,50 +152,50 @@ impl Circuit {
         }
     }
 
-    /// The current, A.
+    /// Coil current, A.
     #[must_use]
     pub const fn current_a(&self) -> f64 {
         self.current_a
     }
 
-    /// The sums.
+    /// Sums since the start.
     #[must_use]
     pub const fn totals(&self) -> Totals {
         self.totals
     }
 
-    /// The largest current so far, A, and how often the hardware's limit has acted.
+    /// Largest current so far, A, and the number of trips of the hardware limit.
     #[must_use]
     pub const fn peak(&self) -> (f64, u32) {
         (self.peak_a, self.trips)
     }
 
-    /// Forgets the peak.
+    /// Resets the peak current.
     pub const fn forget_peak(&mut self) {
         self.peak_a = self.current_a.abs();
         self.trips = 0;
     }
 
-    /// Whether the hardware's limit holds the drive off now.
+    /// Whether the hardware limit blocks the drive now.
     #[must_use]
     pub fn is_limiting(&self) -> bool {
         self.totals.time_s < self.shorted_until_s
     }
 
-    /// Whether the bridge is to be awake and is not yet.
+    /// Whether the bridge is waking up.
     #[must_use]
     pub fn is_waking(&self) -> bool {
         self.awake_from_s.is_finite() && self.totals.time_s < self.awake_from_s
     }
 
-    /// Voltage at the bridge's supply pins now, V.
+    /// Voltage at the bridge's supply pins, V.
     #[must_use]
     pub fn supply_v(&self) -> f64 {
         let p = &self.parameters;
         p.supply_v - p.supply_ohm * self.mesh(self.conducts()).from_supply * self.current_a
     }
 
-    /// Lets time pass with the pins as they are.
+    /// Advances time with constant pins.
     pub fn advance(&mut self, pins: Pins, duration_s: f64) {
         let now_s = self.totals.time_s;
         if !pins.awake {
@@ -216,8 +218,8 @@ impl Circuit {
         }
         self.ask(halves);
         let end_s = self.totals.time_s + duration_s;
-        // A span holds two dead times and a few trips; the bound only ends what rounding could
-        // otherwise prolong.
+        // A span has two dead times and a few trips; the bound only stops a loop that rounding
+        // could prolong.
         for _ in 0..64 {
             let left_s = end_s - self.totals.time_s;
             if left_s <= 0.0 {
@@ -271,8 +273,8 @@ impl Circuit {
         } else {
             0.0
         };
-        // Where each end of the coil lies: whether at the supply, and a diode's voltage against
-        // the current. Current leaves the first half and enters the second.
+        // Voltage at each end of the coil: at the supply or not, and a diode's forward voltage
+        // against the current. Current leaves the first half bridge and enters the second.
         let end = |half: Half, leaves: f64| match half {
             Half::Top => (1.0, 0.0),
             Half::Bottom => (0.0, 0.0),
@@ -298,7 +300,7 @@ impl Circuit {
         }
     }
 
-    /// Advances to the next change of what conducts, or by `left_s`.
+    /// Advances to the next change of the conducting path, or by `left_s`.
     fn piece(&mut self, left_s: f64) {
         let now_s = self.totals.time_s;
         let halves = self.conducts();
@@ -315,7 +317,7 @@ impl Circuit {
         let rate = mesh.resistance_ohm / self.parameters.inductance_h;
         let end_a = mesh.voltage_v / mesh.resistance_ohm;
         if mesh.through_diodes {
-            // Until it has died: exp(-rate t) = end/(end - i).
+            // Time until the current has decayed: exp(-rate t) = end/(end - i).
             let dies_s = libm::log((end_a - self.current_a) / end_a) / rate;
             if dies_s >= 0.0 && dies_s <= span_s {
                 self.exponential(&mesh, end_a, rate, dies_s);
@@ -334,7 +336,7 @@ impl Circuit {
         }
     }
 
-    /// How long until the hardware's limit acts in this piece, s.
+    /// Time until the hardware limit trips in this piece, s.
     fn trip(&mut self, mesh: &Mesh, end_a: f64, rate: f64, span_s: f64) -> Option<f64> {
         let now_s = self.totals.time_s;
         let limit_a = self.parameters.limit_a;
@@ -379,7 +381,7 @@ impl Circuit {
         self.pass(mesh, charge, span_s);
     }
 
-    /// Time and supply of a piece whose current has been dealt with.
+    /// Adds time and supply energy of a piece whose current has already been updated.
     fn pass(&mut self, mesh: &Mesh, charge_a_s: f64, span_s: f64) {
         let p = &self.parameters;
         let taken = mesh.from_supply * charge_a_s;
@@ -406,7 +408,7 @@ mod tests {
     const BACKWARD: Pins = awake(false, true);
     const BRAKE: Pins = awake(true, true);
 
-    /// With a bridge that is awake at once.
+    /// A circuit whose bridge wakes at once.
     fn circuit() -> Circuit {
         Circuit::new(CircuitParameters {
             wake_s: 0.0,
@@ -441,7 +443,7 @@ mod tests {
 
     #[test]
     fn energy_is_conserved() {
-        // Without diodes in it: what the supply gave is heat and field.
+        // Without diodes in the path: the supply's energy becomes heat and magnetic energy.
         let mut circuit = circuit();
         circuit.parameters.dead_s = 0.0;
         circuit.parameters.supply_ohm = 0.0;
@@ -479,7 +481,7 @@ mod tests {
             }
             circuit.current_a()
         };
-        // In the dead time a diode conducts, whose voltage adds to what is lost.
+        // In the dead time a diode conducts, and its voltage adds to the losses.
         let lost = run(0.0, 4e-6) - run(100e-9, 4e-6);
         let by_length = run(0.0, 4e-6) - run(0.0, 3.9e-6);
         assert!(

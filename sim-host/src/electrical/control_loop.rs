@@ -1,4 +1,4 @@
-//! The control interrupt around the circuit, on a PC: period by period, in the plant's own time.
+//! The control interrupt around the circuit, on a PC: one PWM period at a time, in virtual time.
 
 use std::rc::Rc;
 
@@ -8,38 +8,39 @@ use super::circuit::{Circuit, Pins, Totals};
 use super::edges;
 use super::sense::{Converter, Filter};
 
-/// Gain of the reference board's current amplifier, V/A, and its output without current, V.
+/// Gain of the reference board's current amplifier, V/A, and its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
-/// From the beginning of a period to its first sample, and from its middle to its second: by so much the
-/// image starts the converter after the PWM (docs/decisions/0063-hal-and-own-registers.md).
+/// Delay from the start of a period to its first sample, and from its middle to its second, s: the
+/// firmware image starts the converter this long after the PWM
+/// (docs/decisions/0063-hal-and-own-registers.md).
 const SAMPLED_S: f64 = 25e-9;
-/// From the middle of a period, where its second sample is taken, to the end of the control
-/// interrupt: conversion, latency, and the law in 270 cycles of 200 MHz.
+/// Time from the middle of a period, where its second sample is taken, to the end of the control
+/// interrupt, s: conversion, latency, and the control law in 270 cycles at 200 MHz.
 const INTERRUPT_S: f64 = 3.6e-6;
-/// Time constant of the supply's divider with its capacitor.
+/// Time constant of the supply's divider with its capacitor, s.
 const SUPPLY_TAU_S: f64 = 1e-3;
 
-/// What is measured slowly, or wrong.
+/// Slow errors and injected faults of the measurements and of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slow {
     /// Relative error of the current amplifier's gain, which drifts over weeks.
     pub gain_error: f64,
-    /// Its offset, A, which drifts as well.
+    /// Offset of the current amplifier, A, which drifts as well.
     pub offset_a: f64,
     /// Relative error of the measured supply.
     pub supply_error: f64,
-    /// The amplifier's output is stuck here, V.
+    /// Voltage at which the amplifier's output is stuck, V; `None` for a working amplifier.
     pub stuck_v: Option<f64>,
-    /// What the converter makes of one sample, the next, instead of what is there, V.
+    /// Voltage that replaces the next sample alone, V; `None` for a true sample.
     pub wild_v: Option<f64>,
-    /// The bridge reports a fault.
+    /// Whether the bridge reports a fault.
     pub bridge_faults: bool,
-    /// Whether it reports its limit as one; bridges differ.
+    /// Whether the bridge reports its current limit as a fault; bridges differ.
     pub limit_faults: bool,
-    /// The supervisor looks.
+    /// Whether the supervisor is polled.
     pub attended: bool,
-    /// What the limit is with its input for the self-test low, as a part.
+    /// Factor on the current limit while its self-test input is low.
     pub limit_low: f64,
 }
 
@@ -59,32 +60,32 @@ impl Default for Slow {
     }
 }
 
-/// One period, as it was.
+/// Currents and outputs of one finished PWM period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Period {
-    /// Its end, s.
+    /// End of the period, s.
     pub end_s: f64,
     /// True mean current, A.
     pub mean_a: f64,
-    /// True current at its end, A.
+    /// True current at the end, A.
     pub end_a: f64,
-    /// The bridge's inputs in it.
+    /// Inputs of the bridge in the period.
     pub output: Output,
 }
 
-/// Blocks of the measured current that are kept.
+/// Number of blocks of the measured current that are kept.
 pub const HISTORY: usize = 512;
 
-/// Currents of a record.
+/// Number of currents in a trace record.
 pub const TRACED: usize = 128;
 
-/// Circuit, current measurement, and the drive that the control interrupt owns.
+/// Circuit, current measurement, and the drive that the control interrupt calls.
 pub struct ControlLoop {
     /// The circuit.
     pub circuit: Circuit,
-    /// The converter of the current.
+    /// Analog-to-digital converter of the current.
     pub converter: Converter,
-    /// What is measured slowly, or wrong.
+    /// Slow errors and injected faults.
     pub slow: Slow,
     /// The drive.
     pub drive: Drive,
@@ -92,14 +93,14 @@ pub struct ControlLoop {
     supply: Filter,
     averages: Rc<Averages<HISTORY>>,
     trace: Rc<Trace<TRACED>>,
-    /// In force.
+    /// Output that is active.
     output: Output,
     periods: u32,
     supply_at_off_v: Option<f32>,
 }
 
 impl ControlLoop {
-    /// At rest.
+    /// A loop at rest.
     #[must_use]
     pub fn new(circuit: Circuit, converter: Converter, drive: Drive, hardware: Hardware) -> Self {
         Self {
@@ -120,7 +121,7 @@ impl ControlLoop {
         }
     }
 
-    /// Periods so far.
+    /// Number of periods so far.
     #[must_use]
     pub const fn periods(&self) -> u32 {
         self.periods
@@ -132,29 +133,29 @@ impl ControlLoop {
         &self.averages
     }
 
-    /// The measured current, period by period, where that was asked for.
+    /// The measured current, period by period, where a trace was requested.
     #[must_use]
     pub const fn trace(&self) -> &Rc<Trace<TRACED>> {
         &self.trace
     }
 
-    /// The supply as it is measured, V.
+    /// Measured supply, V.
     #[must_use]
     pub fn supply_v(&self) -> f32 {
         (self.supply.value * (1.0 + self.slow.supply_error)) as f32
     }
 
-    /// The supply at the moment at which the bridge went off, once, V.
+    /// Takes the supply voltage at the time at which the bridge was switched off, V.
     pub const fn take_supply_at_off_v(&mut self) -> Option<f32> {
         self.supply_at_off_v.take()
     }
 
-    /// Switches the bridge off, now.
+    /// Switches the bridge off at once.
     pub const fn bridge_off(&mut self) {
         self.output = Output::OFF;
     }
 
-    /// One period of the PWM, with the control interrupt in its second half.
+    /// Runs one PWM period, with the control interrupt in its second half.
     pub fn period(&mut self) -> Period {
         let period_s = f64::from(self.hardware.period_s);
         let before = self.circuit.totals();
@@ -167,7 +168,7 @@ impl ControlLoop {
         let decided = 0.5 + INTERRUPT_S / period_s;
         self.bridge(0.5 + sampled, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
-        // Without its charge pump a bridge may report an undervoltage.
+        // A bridge may report an undervoltage until its charge pump works.
         let wakes = self.circuit.is_waking();
         let faulty = self.slow.bridge_faults || limits || wakes;
         let mut next = self.drive.tick([first, second], faulty);
@@ -195,7 +196,7 @@ impl ControlLoop {
         }
     }
 
-    /// Lets the circuit pass through a part of the period, given from 0 to 1.
+    /// Advances the circuit through a part of the period, given from 0 to 1.
     fn bridge(&mut self, from: f64, to: f64, period_s: f64) {
         let Output {
             awake,
@@ -233,7 +234,7 @@ impl ControlLoop {
         self.converter.code(volts)
     }
 
-    /// The ripple of the current with the bridge's present inputs, peak to peak, A.
+    /// Ripple of the current with the bridge's present inputs, peak to peak, A.
     #[must_use]
     pub fn ripple_a(&self) -> f64 {
         const STEPS: u32 = 200;
@@ -257,19 +258,19 @@ impl ControlLoop {
     }
 }
 
-/// Means over a time that has passed.
+/// Means over a time span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passed {
-    /// Of the current, A.
+    /// Mean current, A.
     pub mean_a: f64,
     /// Root mean square of the current about its mean, A.
     pub ripple_a: f64,
-    /// Of the supply, V.
+    /// Mean supply voltage, V.
     pub supply_v: f64,
 }
 
 impl Passed {
-    /// Between two sums, of which the second is later.
+    /// Means between two sums; `after` is the later one.
     #[must_use]
     pub fn between(before: &Totals, after: &Totals) -> Self {
         let passed_s = after.time_s - before.time_s;

@@ -1,4 +1,4 @@
-//! The driver's loop around the circuit with its supervisor, on a PC.
+//! The driver's control loop and its supervisor around the circuit, on a PC.
 
 use core::ops::{Deref, DerefMut};
 use std::collections::VecDeque;
@@ -14,13 +14,13 @@ use super::sense::Converter;
 /// Periods from one poll of the supervisor to the next: 1 ms.
 const POLL_PERIODS: u32 = 62;
 
-/// The reference board: what the firmware compiles in.
+/// Hardware constants of the reference board, as compiled into the firmware.
 #[must_use]
 pub const fn reference_hardware() -> Hardware {
     palpate_node::board::HARDWARE
 }
 
-/// Its limits.
+/// Limits of the reference board.
 #[must_use]
 pub const fn reference_limits() -> Limits {
     palpate_node::board::LIMITS
@@ -30,7 +30,7 @@ pub const fn reference_limits() -> Limits {
 pub struct Regulated {
     control: ControlLoop,
     supervisor: Supervisor,
-    /// Lines to follow after the present one.
+    /// Current lines that follow the present one.
     lines: VecDeque<(f32, f32)>,
     polls: u32,
 }
@@ -50,10 +50,10 @@ impl DerefMut for Regulated {
 }
 
 impl Regulated {
-    /// At rest.
+    /// A loop at rest.
     ///
     /// # Errors
-    /// Hardware or limits that the driver refuses.
+    /// If the driver refuses the hardware constants or the limits.
     pub fn new(
         circuit: Circuit,
         converter: Converter,
@@ -69,13 +69,13 @@ impl Regulated {
         })
     }
 
-    /// Where the drive stands.
+    /// State of the drive.
     #[must_use]
     pub fn state(&self) -> DriveState {
         self.control.drive.state()
     }
 
-    /// What the supervisor sees.
+    /// Latest report of the supervisor.
     #[must_use]
     pub fn report(&self) -> Report {
         self.control.drive.report()
@@ -87,7 +87,7 @@ impl Regulated {
         &self.supervisor
     }
 
-    /// The measured mean current from one period to another, A.
+    /// Measured mean current from one period to another, A.
     #[must_use]
     pub fn reported_a(&self, from: u32, to: u32) -> Option<f64> {
         let hardware = self.supervisor.hardware();
@@ -98,34 +98,34 @@ impl Regulated {
         mean_a.map(f64::from)
     }
 
-    /// Gives an order.
+    /// Sends an order to the drive.
     pub fn order(&mut self, order: &Order) {
         self.lines.clear();
         self.control.drive.apply(order);
     }
 
-    /// Follows a line; time is that of the circuit.
+    /// Follows a current line, in the circuit's time.
     ///
     /// # Errors
-    /// What the driver refuses.
+    /// The driver's refusal.
     pub fn follow(&mut self, line: &CurrentLine) -> Result<(), Refusal> {
         self.lines.clear();
         self.apply(line)
     }
 
-    /// Goes in a straight line to a current.
+    /// Moves the current to `to_a` in a straight line.
     ///
     /// # Errors
-    /// What the driver refuses.
+    /// The driver's refusal.
     pub fn go(&mut self, to_a: f32, over_s: f32) -> Result<(), Refusal> {
         self.follow(&CurrentLine::at_once(to_a, over_s))
     }
 
-    /// Follows lines one after the other, each given by where it ends, A, and how long it takes, s.
-    /// Another order ends that, and so does a line that the driver refuses.
+    /// Follows current lines one after the other, each given by its end, A, and its duration, s.
+    /// Another order ends the sequence, and so does a line that the driver refuses.
     ///
     /// # Errors
-    /// What the driver refuses of the first.
+    /// The driver's refusal of the first line.
     pub fn follow_all(
         &mut self,
         lines: impl IntoIterator<Item = (f32, f32)>,
@@ -159,10 +159,10 @@ impl Regulated {
         (self.control.circuit.totals().time_s * 1e6).round() as u64
     }
 
-    /// Begins the self-test.
+    /// Starts the self-test.
     ///
     /// # Errors
-    /// What the driver refuses.
+    /// The driver's refusal.
     pub fn begin_test(&mut self) -> Result<(), Refusal> {
         let supply_v = self.control.supply_v();
         let order = self
@@ -175,12 +175,12 @@ impl Regulated {
     /// Runs the self-test to its end.
     ///
     /// # Errors
-    /// The fault that it found.
+    /// The fault that the test finds.
     pub fn test(&mut self) -> Result<Findings, Fault> {
         if self.begin_test().is_err() {
             return Err(Fault::Unattended);
         }
-        // The longest takes 13 000 periods.
+        // The longest test takes 13 000 periods.
         for _ in 0..20_000 {
             self.period();
             match (self.state(), self.supervisor.findings()) {
@@ -192,27 +192,27 @@ impl Regulated {
         Err(Fault::Unattended)
     }
 
-    /// Runs for so many periods.
+    /// Runs for `periods` periods.
     pub fn periods_of(&mut self, periods: u32) {
         for _ in 0..periods {
             self.period();
         }
     }
 
-    /// Runs for a time without looking at single periods.
+    /// Runs for a time.
     pub fn run_for(&mut self, time_s: f64) {
         let period_s = f64::from(self.supervisor.hardware().period_s);
         self.periods_of((time_s / period_s).round() as u32);
     }
 
-    /// One period of the PWM, and what the supervisor does in it.
+    /// Runs one PWM period, and polls the supervisor when it is due.
     pub fn period(&mut self) -> Period {
         let period = self.control.period();
         if let Some(supply_v) = self.control.take_supply_at_off_v() {
             self.supervisor.read_supply(supply_v);
         }
         if !self.lines.is_empty() && self.report().holds {
-            // What is refused ends it.
+            // A refused line ends the sequence.
             let _ = self.next_line();
         }
         self.polls += 1;

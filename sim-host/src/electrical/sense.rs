@@ -1,4 +1,4 @@
-//! What the processor reads of the current: amplifier, reference, converter.
+//! Measurement chain of the current: amplifier, reference, converter.
 
 use core::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ const HALF_WIDTH: f64 = 4.0;
 /// Codes of the converter.
 const CODES: f64 = 4096.0;
 
-/// Errors of one chain from a voltage to a code.
+/// Errors of one measurement chain from voltage to code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConverterParameters {
     /// Nominal reference, V.
@@ -29,7 +29,7 @@ pub struct ConverterParameters {
 }
 
 impl ConverterParameters {
-    /// Without any error but whole codes.
+    /// A converter whose only error is quantisation.
     pub const EXACT: Self = Self {
         reference_v: 3.3,
         reference_error: 0.0,
@@ -48,16 +48,16 @@ impl ConverterParameters {
     };
 }
 
-/// A converter with its noise.
+/// An analog-to-digital converter with its noise.
 #[derive(Clone, Debug)]
 pub struct Converter {
-    /// Its errors; the reference may drift at any time.
+    /// Errors of the chain; the reference may drift at any time.
     pub parameters: ConverterParameters,
     noise: Stream,
 }
 
 impl Converter {
-    /// A converter with noise of its own.
+    /// A converter with its own noise stream.
     #[must_use]
     pub fn new(parameters: ConverterParameters, seed: u64) -> Self {
         Self {
@@ -66,7 +66,7 @@ impl Converter {
         }
     }
 
-    /// The code of a voltage.
+    /// Code of a voltage.
     pub fn code(&mut self, volts: f64) -> u16 {
         let p = &self.parameters;
         let turns = volts / (p.reference_v * (1.0 + p.reference_error));
@@ -85,30 +85,30 @@ impl Converter {
             .into_iter()
             .find(|wide| p.wide_codes && (ideal - wide).abs() < HALF_WIDTH)
             .unwrap_or(ideal);
-        // Within 12 bits after the clamp; a number that is none becomes 0.
+        // Within 12 bits after the clamp; NaN becomes 0.
         code.clamp(0.0, CODES - 1.0) as u16
     }
 }
 
-/// The voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, between
-/// ground and 10 kiloohm to 3.3 V.
+/// Voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, V. It is
+/// connected to ground, with 10 kiloohm to 3.3 V.
 #[must_use]
 pub fn thermistor_v(celsius: f64) -> f64 {
     let ohm = 10e3 * libm::exp(3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15));
     3.3 * ohm / (ohm + 10e3)
 }
 
-/// A resistor and a capacitor in front of a slow input.
+/// An RC low-pass filter in front of a slow input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {
-    /// Its time constant, s.
+    /// Time constant, s.
     pub tau_s: f64,
-    /// What it has come to.
+    /// Present output.
     pub value: f64,
 }
 
 impl Filter {
-    /// Takes the mean of its input over a time.
+    /// Filters the mean of the input over a duration.
     pub fn push(&mut self, mean: f64, duration_s: f64) {
         self.value += (mean - self.value) * -libm::expm1(-duration_s / self.tau_s);
     }

@@ -5,11 +5,11 @@ use super::layer::{LayerParameters, LayerStep, MODES, Response, creep_rate};
 use super::load::Load;
 
 /// Least share of the actuated layer's stiffness that the gradient of the attraction may leave:
-/// below it the layer would snap shut. [`crate::world::World::new`] refuses such a plant, so that
-/// the balance never has to hold it there.
+/// below it the layer would snap shut. [`crate::world::World::new`] refuses such a plant, so the
+/// balance never has to limit it.
 pub const LEAST_STABILITY: f64 = 0.1;
 
-/// What does not change while the chain is pressed.
+/// Constant properties of the chain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     load: Load,
@@ -23,16 +23,16 @@ pub struct Chain {
     actuated_modes: [f64; MODES],
 }
 
-/// What the chain is under at one moment.
+/// Conditions of the chain at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChainConditions {
-    /// Spring c_S now, N/m.
+    /// Spring c_S, N/m.
     pub sensing_spring_n_per_m: f64,
-    /// Spring c_D now, N/m.
+    /// Spring c_D, N/m.
     pub actuated_spring_n_per_m: f64,
     /// Attraction k I² at an uncompressed layer, N.
     pub attraction_n: f64,
-    /// Pull of the actuating coils on a load that touches, N.
+    /// Pull of the actuating coils on a load in contact, N.
     pub pull_n: f64,
     /// Displacement x_0 of the press, m.
     pub press_m: f64,
@@ -45,11 +45,11 @@ pub struct ChainConditions {
 pub struct ChainState {
     /// F through the sensor, N; never negative.
     pub force_n: f64,
-    /// Force in the load's spring and in what it stands on, N: F less the pull of the actuating coils.
+    /// Force in the load's spring and in its frame, N: F less the pull of the actuating coils.
     pub load_force_n: f64,
     /// Friction beside the sensing layer.
     pub friction: FrictionState,
-    /// Force c_D e_D in the actuated layer, N: F and the attraction.
+    /// Force c_D e_D in the actuated layer, N: F plus the attraction.
     pub actuated_force_n: f64,
     /// x_L, m.
     pub load_m: f64,
@@ -79,21 +79,21 @@ impl ChainState {
     }
 }
 
-/// What remains of the modes of both layers after a step.
+/// Decay factors of the modes of both layers over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decays {
     pub(crate) sensing: [f64; MODES],
     pub(crate) actuated: [f64; MODES],
 }
 
-/// Rates of the conditions, per second.
+/// Rates of change of the conditions, per second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Rates {
     pub(crate) sensing_spring: f64,
     pub(crate) actuated_spring: f64,
     pub(crate) attraction: f64,
     pub(crate) pull: f64,
-    /// Of press and growth together, m/s.
+    /// Rate of press and growth together, m/s.
     pub(crate) drive: f64,
     /// Whether load and sensor touch while these rates hold.
     pub(crate) in_contact: bool,
@@ -101,17 +101,17 @@ pub(crate) struct Rates {
     pub(crate) sticks: bool,
 }
 
-/// All of the chain but the sensing layer, at the end of a step.
+/// The chain without the sensing layer, at the end of a step.
 #[derive(Clone, Copy, Debug)]
 struct Rest {
-    /// The actuated layer with its attraction.
+    /// Response of the actuated layer with its attraction.
     actuated: Response,
-    /// Where the press would be without any layer in between, m.
+    /// Displacement of the press without any layer in between, m.
     drive_m: f64,
     pull_n: f64,
 }
 
-/// Forces and displacements that go with a response of the sensing layer.
+/// Forces and displacements for a given response of the sensing layer.
 #[derive(Clone, Copy, Debug)]
 struct Solution {
     force_n: f64,
@@ -156,7 +156,7 @@ impl Chain {
         &self.friction
     }
 
-    /// Compliance of what the load stands on, m/N.
+    /// Compliance of the frame under the load, m/N.
     #[must_use]
     pub fn frame_m_per_n(&self) -> f64 {
         self.frame_m_per_n
@@ -183,7 +183,7 @@ impl Chain {
         conditions.attraction_n * (1.0 + self.attraction_gradient_per_m * actuated_m)
     }
 
-    /// Share of the actuated layer's stiffness that the attraction's gradient leaves.
+    /// Share of the actuated layer's stiffness that remains under the attraction's gradient.
     #[must_use]
     pub fn stability(&self, attraction_n: f64, compliance_m_per_n: f64) -> f64 {
         1.0 - attraction_n * self.attraction_gradient_per_m * compliance_m_per_n
@@ -215,8 +215,8 @@ impl Chain {
         }
     }
 
-    /// The balance at the end of a step, under the conditions then. The balance of forces holds to
-    /// rounding: all but a hardening load is solved in closed form.
+    /// The balance at the end of a step, under the conditions at its end. The forces balance to
+    /// rounding: only a hardening load has no closed-form solution.
     pub(crate) fn balance(
         &self,
         from: &ChainState,
@@ -266,8 +266,8 @@ impl Chain {
         }
     }
 
-    /// The balance with this response of the sensing layer. A load that is pulled by P carries F − P, so that
-    /// x_L + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so x_L
+    /// + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
     fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
         let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
         let series =
@@ -275,7 +275,7 @@ impl Chain {
         let slack = rest.drive_m - sensing.offset_m - rest.actuated.offset_m;
         let pull_n = if slack > 0.0 { rest.pull_n } else { 0.0 };
         let shared_m = slack.max(0.0) - layers * pull_n;
-        // a load that is pulled more than pressed is drawn out as it would be compressed
+        // A load whose pull exceeds the force is stretched as it would be compressed.
         let (load_m, load_force_n) = self.load.in_series(shared_m.abs(), series);
         let load_force_n = load_force_n.copysign(shared_m);
         let force_n = load_force_n + pull_n;

@@ -1,46 +1,47 @@
-//! The account of mechanical work.
+//! Balance of mechanical work.
 
 use super::chain::{Chain, ChainConditions, ChainState, Decays};
 use super::layer::stored_j;
 
-/// Work done on the springs since the beginning, by whom, and what became of it, J.
+/// Work done on the springs since the start, by its source, and the energy stored and dissipated,
+/// J.
 ///
 /// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
 /// steps of the mean force times the change of displacement, which the integrator conserves
-/// exactly; the load's share of the press's work is its potential, which is exact for a load that
-/// is not linear.
+/// exactly. The load's share of the press's work is its potential, which is exact for a nonlinear
+/// load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// By the press.
+    /// Work of the press.
     pub press_j: f64,
-    /// By thermal growth.
+    /// Work of thermal growth.
     pub growth_j: f64,
-    /// By the attraction of the actuated layer's halves.
+    /// Work of the attraction between the halves of the actuated layer.
     pub attraction_j: f64,
-    /// By the pull of the actuating coils on the load.
+    /// Work of the actuating coils' pull on the load.
     pub pull_j: f64,
-    /// By field and heat, which change springs that are under load: ½ e₀ e₁ Δc.
+    /// Work of field and heat that change loaded springs: ½ e₀ e₁ Δc.
     pub springs_j: f64,
-    /// Turned into heat by creep and friction.
+    /// Heat from creep and friction.
     pub dissipated_j: f64,
-    /// Stored in all springs now.
+    /// Energy stored in all springs.
     pub stored_j: f64,
 }
 
 impl Energy {
-    /// Work done by all, J.
+    /// Work done by all sources, J.
     #[must_use]
     pub fn work_j(&self) -> f64 {
         self.press_j + self.growth_j + self.attraction_j + self.pull_j + self.springs_j
     }
 
-    /// Work done less what is stored and dissipated, J; zero but for rounding.
+    /// Work done less the stored and dissipated energy, J; zero except for rounding.
     #[must_use]
     pub fn imbalance_j(&self) -> f64 {
         self.work_j() - self.stored_j - self.dissipated_j
     }
 
-    /// All that was moved, whichever way, J: the measure of an imbalance.
+    /// Sum of the magnitudes of all terms, J: the scale of an imbalance.
     #[must_use]
     pub fn turnover_j(&self) -> f64 {
         let works = [
@@ -53,7 +54,7 @@ impl Energy {
         works.map(f64::abs).iter().sum::<f64>() + self.dissipated_j + self.stored_j
     }
 
-    /// The account after a step of the chain.
+    /// Energy balance after a step of the chain.
     pub(crate) fn after(
         &self,
         chain: &Chain,
@@ -66,7 +67,7 @@ impl Energy {
         let friction_n = 0.5 * (from.friction.force_n + to.friction.force_n);
         let layers_m = (to.sensing_m + to.actuated_m) - (from.sensing_m + from.actuated_m);
         let load_work = chain.load().energy_j(to.load_m) - chain.load().energy_j(from.load_m);
-        // no force acts over what only closes or opens a gap
+        // A gap opens or closes without force.
         let pressed = (after.press_m - before.press_m) + (to.opening_m - from.opening_m);
         let moved = pressed - (to.load_m - from.load_m);
         let attraction_n = 0.5
@@ -99,7 +100,7 @@ impl Energy {
     }
 }
 
-/// Work of changing a spring under load, ½ e₀ e₁ Δc, from (force, spring) to (force, spring).
+/// Work of changing a loaded spring, ½ e₀ e₁ Δc, from (force, spring) to (force, spring), J.
 fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, f64)) -> f64 {
     0.5 * (force_0 / spring_0) * (force_1 / spring_1) * (spring_1 - spring_0)
 }

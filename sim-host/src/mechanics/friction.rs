@@ -6,35 +6,35 @@
 
 use super::layer::Response;
 
-/// Friction beside the layer; none with a spring of zero.
+/// Friction beside the layer; a spring of zero means no friction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrictionParameters {
     /// Spring between layer and slider, N/m, 0 to 10⁶.
     pub spring_n_per_m: f64,
-    /// Force at which the slider comes loose, N, 0 to 10.
+    /// Force at which the slider breaks loose, N, 0 to 10.
     pub stick_n: f64,
-    /// Force with which it comes to rest again, N, 0 to `stick_n`.
+    /// Force at which the slider stops again, N, 0 to `stick_n`.
     pub slip_n: f64,
 }
 
-/// The element at one moment.
+/// The friction element at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrictionState {
-    /// Force that it takes from the layer, N.
+    /// Force that the element takes from the layer, N.
     pub force_n: f64,
-    /// Where the slider is, as a displacement of the layer, m.
+    /// Position of the slider, as a displacement of the layer, m.
     pub slider_m: f64,
     /// Whether the slider moved in the step that ended here.
     pub slipped: bool,
 }
 
 impl FrictionParameters {
-    /// What part of its compliance a layer keeps beside the slider as it sticks.
+    /// Share of its compliance that a layer keeps while the slider sticks.
     pub(crate) fn part_left(&self, layer_m_per_n: f64) -> f64 {
         1.0 / (1.0 + layer_m_per_n * self.spring_n_per_m)
     }
 
-    /// The layer together with the slider that sticks: x = b + C (F - k (x - s)), solved for x.
+    /// Response of the layer with a sticking slider: x = b + C (F - k (x - s)), solved for x.
     pub(crate) fn stuck(&self, layer: &Response, from: &FrictionState) -> Response {
         let part = self.part_left(layer.compliance_m_per_n);
         let drawn_m = layer.compliance_m_per_n * self.spring_n_per_m * from.slider_m;
@@ -44,7 +44,7 @@ impl FrictionParameters {
         }
     }
 
-    /// The state of the slider that sticks, with the layer there.
+    /// State of the sticking slider at a displacement of the layer.
     pub(crate) fn stays(&self, from: &FrictionState, sensing_m: f64) -> FrictionState {
         FrictionState {
             force_n: self.spring_n_per_m * (sensing_m - from.slider_m),
@@ -53,12 +53,12 @@ impl FrictionParameters {
         }
     }
 
-    /// Force after a slip, if this force makes one, N.
+    /// Force after a slip, N, if `force_n` causes one.
     pub(crate) fn slips(&self, force_n: f64) -> Option<f64> {
         (force_n.abs() > self.stick_n).then(|| self.slip_n.copysign(force_n))
     }
 
-    /// The layer beside a slider that moves: x = b + C (F - J).
+    /// Response of the layer beside a moving slider: x = b + C (F - J).
     pub(crate) fn moving(layer: &Response, force_n: f64) -> Response {
         Response {
             offset_m: layer.offset_m - layer.compliance_m_per_n * force_n,
@@ -66,7 +66,7 @@ impl FrictionParameters {
         }
     }
 
-    /// The slider after a slip, with the layer there.
+    /// State of the slider after a slip, at a displacement of the layer.
     pub(crate) fn moved(&self, force_n: f64, sensing_m: f64) -> FrictionState {
         FrictionState {
             force_n,

@@ -12,7 +12,7 @@ pub const MODES: usize = 3;
 /// One mode of creep.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CreepMode {
-    /// What the mode adds in the long run, as a share of the instant displacement, 0 to 1.
+    /// Long-term displacement of the mode, as a share of the instant displacement, 0 to 1.
     pub amplitude: f64,
     /// Time constant, s, 1 ms to 10⁶.
     pub tau_s: f64,
@@ -25,12 +25,12 @@ pub struct LayerParameters {
     pub spring_n_per_m: f64,
     /// d ln c / dT, 1/K, ±0.05.
     pub spring_per_kelvin: f64,
-    /// Its creep, from fast to slow.
+    /// Creep modes, from fast to slow.
     pub creep: [CreepMode; MODES],
 }
 
 impl LayerParameters {
-    /// Spring at a temperature above that of calibration, N/m.
+    /// Spring at a temperature `warmer_k` above that of calibration, N/m.
     #[must_use]
     pub fn spring_at(&self, warmer_k: f64) -> f64 {
         self.spring_n_per_m * libm::exp(self.spring_per_kelvin * warmer_k)
@@ -42,7 +42,7 @@ impl LayerParameters {
         self.creep.map(|mode| mode.amplitude / self.spring_n_per_m)
     }
 
-    /// What remains of each mode's displacement after a time without force.
+    /// Decay factors of the modes after a time without force.
     #[must_use]
     pub fn decays(&self, duration_s: f64) -> [f64; MODES] {
         if duration_s == 0.0 {
@@ -52,23 +52,23 @@ impl LayerParameters {
     }
 }
 
-/// How a layer's displacement at the end of a step depends on the force then: a part that is
-/// certain, and a compliance. The integrator is the exponentially fitted midpoint rule,
+/// Displacement of a layer at the end of a step as a function of the force at that time: a known
+/// offset, and a compliance. The integrator is the exponentially fitted midpoint rule,
 ///
 /// z₁ = e z₀ + (1 − e) J (F₀ + F₁)/2,  e = exp(−h/τ),
 ///
-/// which is exact for free decay and constant force, and conserves energy exactly when its
-/// dissipation is counted as by [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's
-/// rate, 3·10⁻⁵ at h = 1 ms and τ = 50 ms.
+/// which is exact for free decay and for constant force. It conserves energy exactly with the
+/// dissipation of [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's rate, 3·10⁻⁵ at h
+/// = 1 ms and τ = 50 ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Response {
-    /// m.
+    /// Displacement without force, m.
     pub(crate) offset_m: f64,
-    /// m/N.
+    /// Compliance, m/N.
     pub(crate) compliance_m_per_n: f64,
 }
 
-/// A layer's modes with their decays over a step.
+/// Modes of a layer with their decay factors over a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerStep<'a> {
     pub(crate) compliances: &'a [f64; MODES],
@@ -85,7 +85,7 @@ impl LayerStep<'_> {
         modes.map(|((&compliance, &decay), &z)| (compliance, decay, z))
     }
 
-    /// The response of the layer with the spring that it has at the end of the step.
+    /// Response of the layer, given its spring at the end of the step.
     pub(crate) fn response(&self, spring_n_per_m: f64) -> Response {
         let mut response = Response {
             offset_m: 0.0,
@@ -99,7 +99,7 @@ impl LayerStep<'_> {
         response
     }
 
-    /// The modes at the end, with the force then.
+    /// Displacements of the modes at the end, given the force at the end, m.
     pub(crate) fn modes_after(&self, force_n: f64) -> [f64; MODES] {
         let mut after = [0.0; MODES];
         for (mode, (compliance, decay, z)) in after.iter_mut().zip(self.each()) {
@@ -108,14 +108,14 @@ impl LayerStep<'_> {
         after
     }
 
-    /// Heat made by the modes in the step that ends with `after`, J; never negative.
+    /// Heat of the modes in the step that ends with `after`, J; never negative.
     ///
     /// The rule is that of a dashpot η = τ_fit/J, τ_fit = (h/2) coth(h/2τ), under the midpoint
     /// rule: η (Δz)²/h.
     pub(crate) fn dissipated_j(&self, after: &[f64; MODES]) -> f64 {
         let mut heat_j = 0.0;
         for ((compliance, decay, z), after) in self.each().zip(after) {
-            // a mode without compliance, or a step without length, moves nothing
+            // A mode without compliance, or a step of zero length, does not move.
             if compliance > 0.0 && decay < 1.0 {
                 let moved = after - z;
                 heat_j += moved * moved * (1.0 + decay) / (2.0 * (1.0 - decay) * compliance);

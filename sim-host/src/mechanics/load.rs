@@ -1,4 +1,4 @@
-//! The object that is pressed upon the sensor.
+//! The object that is pressed on the sensor.
 
 /// A load spring without memory.
 ///
@@ -17,19 +17,19 @@ pub enum Load {
         /// c, N/m.
         n_per_m: f64,
     },
-    /// F = c x + k x³: an object that grows stiffer, as a finger does.
+    /// F = c x + k x³: an object that stiffens under load, as a finger does.
     Hardening {
         /// c, N/m, 1 to 10¹⁰.
         n_per_m: f64,
         /// k, N/m³, 0 to 10²⁰.
         cubic_n_per_m3: f64,
     },
-    /// An object that does not give way.
+    /// A rigid object.
     Rigid,
 }
 
 impl Load {
-    /// Force for a compression, N; infinite for a rigid load under any.
+    /// Force for a compression, N; infinite for any compression of a rigid load.
     #[must_use]
     pub fn force_n(&self, x_m: f64) -> f64 {
         match *self {
@@ -56,11 +56,11 @@ impl Load {
         }
     }
 
-    /// Compression and force of the load when it shares `total_m`, zero or more, with a spring of
-    /// the compliance C in series: the root of x + C F(x) = total.
+    /// Compression and force of the load in series with a spring of compliance C, where both share
+    /// `total_m`, zero or more: the root of x + C F(x) = total.
     ///
-    /// For a hardening load by Newton's method from the linear solution, from which it falls
-    /// monotonically to the root, the left side being convex; relative error 10⁻¹⁵.
+    /// A hardening load uses Newton's method from the linear solution. The left side is convex, so
+    /// the iteration falls monotonically to the root; relative error 10⁻¹⁵.
     #[must_use]
     pub fn in_series(&self, total_m: f64, compliance_m_per_n: f64) -> (f64, f64) {
         let x_m = match *self {
@@ -111,7 +111,7 @@ impl Load {
 /// The root x ≥ 0 of a x + b x³ = c with a > 0, b ≥ 0, c ≥ 0.
 fn cubic_root(a: f64, b: f64, c: f64) -> f64 {
     let mut x = c / a;
-    // sixty steps shrink x by (2/3)^60 where the cube rules, more than any load needs
+    // Sixty steps shrink x by (2/3)^60 where the cubic term dominates, more than any load needs.
     for _ in 0..60 {
         let step = (x * (a + b * x * x) - c) / (a + 3.0 * b * x * x);
         let next = x - step;

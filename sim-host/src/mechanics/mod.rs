@@ -1,4 +1,4 @@
-//! Springs in series: load, what the load stands on, sensing layer, actuated layer.
+//! Springs in series: load, frame under the load, sensing layer, actuated layer.
 //!
 //! From the press to the base, one force F passes through all of them:
 //!
@@ -9,13 +9,14 @@
 //! F_att = k I² (1 + γ x_D) between the halves of the actuated layer, and the displacements z of
 //! the layers' creep. Without disturbances this is SOURCES.md section 2. Displacements are
 //! compressions, positive. Inertia is neglected, as in the paper: five grams on 4 N/mm swing at
-//! 140 Hz, above what shakes the press, though not far above its 120 Hz.
+//! 140 Hz, above any vibration of the press, though not far above its 120 Hz.
 //!
-//! Two worlds add to it what no drawn plant has: friction J beside the sensing layer, so that F − J is in the layer, and
-//! a pull P of the actuating coils on the load, so that F − P is in the load and in the frame.
+//! Two disturbed worlds add terms that no drawn plant has: friction J beside the sensing layer, so
+//! that the layer carries F − J, and a pull P of the actuating coils on the load, so that the load
+//! and the frame carry F − P.
 //!
-//! [`load`] is the object, [`layer`] a layer with its creep, [`friction`] what sticks and slips, [`chain`] the balance, [`energy`] the
-//! account of work, [`press`] what moves the whole.
+//! [`load`] is the object, [`layer`] a layer with its creep, [`friction`] the stick-slip element,
+//! [`chain`] the balance, [`energy`] the balance of work, [`press`] the motion of the press.
 
 pub mod chain;
 pub mod energy;

@@ -6,7 +6,7 @@ use ldc161x_sim::Time;
 
 use crate::random::Stream;
 
-/// A path of straight pieces. The displacement is zero where load and sensor just touch, cold and
+/// A piecewise linear path. The displacement is zero where load and sensor just touch, cold and
 /// without current; it is negative while they are apart.
 ///
 /// ```
@@ -30,7 +30,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// A press that begins, at time zero, at a displacement of `position_m`.
+    /// A press that is at `position_m` at time zero.
     #[must_use]
     pub fn at(position_m: f64) -> Self {
         Self {
@@ -42,7 +42,7 @@ impl Profile {
         self.knots.last().copied().unwrap_or((Time::ZERO, 0.0))
     }
 
-    /// It then stays for `duration_s`.
+    /// Stays for `duration_s`.
     #[must_use]
     pub fn then_hold(mut self, duration_s: f64) -> Self {
         let (time, position_m) = self.last();
@@ -51,7 +51,7 @@ impl Profile {
         self
     }
 
-    /// It then moves to `position_m` at `speed_m_per_s`, at once if that is not above zero.
+    /// Moves to `position_m` at `speed_m_per_s`, or at once if the speed is not above zero.
     #[must_use]
     pub fn then_move(mut self, position_m: f64, speed_m_per_s: f64) -> Self {
         let (time, from_m) = self.last();
@@ -60,13 +60,13 @@ impl Profile {
         } else {
             0.0
         };
-        // a jump still takes the least time that there is
+        // A jump takes the shortest representable time.
         let duration = Time::from_secs_f64(duration_s).max(Time::from_ps(1));
         self.knots.push((time + duration, position_m));
         self
     }
 
-    /// The path up to `time`, to be continued from there.
+    /// The path up to `time`, ready to be continued.
     #[must_use]
     pub(crate) fn until(mut self, time: Time) -> Self {
         let position_m = self.position_m(time);
@@ -75,13 +75,13 @@ impl Profile {
         self
     }
 
-    /// When its last piece ends.
+    /// End of the last piece.
     #[must_use]
     pub fn end(&self) -> Time {
         self.last().0
     }
 
-    /// Displacement, m. Before the first knot and behind the last it stands still.
+    /// Displacement, m; constant before the first knot and after the last.
     #[must_use]
     pub fn position_m(&self, time: Time) -> f64 {
         let after = self.knots.partition_point(|(knot, _)| *knot <= time);
@@ -104,21 +104,22 @@ impl Profile {
     }
 }
 
-/// Jumps to and fro between two positions, at random times: a layer that snaps between two shapes, a support that
-/// gives way and comes back. The times between them are exponentially distributed.
+/// Jumps to and fro between two positions, at random times, as of a layer that snaps between two
+/// shapes or of a support that slips and returns. The times between jumps are exponentially
+/// distributed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jumps {
-    /// Distance of the two positions, m, 0 to 10⁻³.
+    /// Distance between the two positions, m, 0 to 10⁻³.
     pub size_m: f64,
     /// Mean time between jumps, s, 0.01 to 1000.
     pub interval_s: f64,
 }
 
-/// So long after time zero it jumps, s: longer than any press or bench takes.
+/// Duration of the jumps from time zero, s: longer than any press or bench run.
 const JUMPING_S: f64 = 600.0;
 
 impl Jumps {
-    /// The displacement that they add, from time zero on, with the times that belong to a seed.
+    /// Displacement of the jumps as a path from time zero on, for a seed.
     #[must_use]
     pub fn path(&self, seed: u64) -> Profile {
         let mut path = Profile::at(0.0);
@@ -136,7 +137,7 @@ impl Jumps {
     }
 }
 
-/// What shakes the press: a sine of the disturbances' `[press]`.
+/// Sinusoidal shaking of the press, from the disturbances' `[press]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shake {
     /// Amplitude, m, 0 to 10⁻³.
@@ -154,7 +155,7 @@ impl Shake {
         if self.amplitude_m == 0.0 {
             return (0.0, 0.0);
         }
-        // whole cycles dropped first, which keeps the angle's digits over hours
+        // Whole cycles are dropped first, which keeps the angle's precision over hours.
         let cycles = self.hertz * time_s;
         let (sin, cos) = libm::sincos(TAU * (cycles - libm::floor(cycles)) + self.phase);
         (

@@ -1,4 +1,4 @@
-//! The coil of the native board: the driver's own control law around the simulated circuit.
+//! Coil of the native board: the driver's own control law around the simulated circuit.
 
 use core::cell::RefCell;
 use std::rc::Rc;
@@ -16,27 +16,27 @@ use crate::electrical::{
 };
 use crate::world::{SharedWorld, World};
 
-/// A period of the PWM.
+/// Period of the PWM.
 const PERIOD: Time = Time::from_us(16);
-/// Periods for which the plant has one current: 128 us, in which an elastomer that lags 5 ms behind
-/// takes a fortieth of a change.
+/// Periods per step of the plant, in which the current is constant: 128 us, in which an elastomer
+/// with a lag of 5 ms follows a fortieth of a change.
 const PERIODS_A_STEP: u32 = 8;
-/// Such steps from one look at resistance and temperature to the next: 1 ms.
+/// Steps between two updates of resistance and temperature: 1 ms.
 const STEPS_A_CHANGE: u32 = 8;
-/// Supply of the coil where the world's has no limit, V: that of the reference board.
+/// Supply of the coil where the world's supply has no limit, V: that of the reference board.
 const NO_LIMIT_V: f64 = 12.0;
-/// Part of its limit to which the bridge limits for the self-test.
+/// Factor on the bridge's current limit in the self-test.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
-/// The supply over what the converter reads of it.
+/// Ratio of the supply to the voltage at the converter.
 const SUPPLY_RATIO: f64 = 11.0;
-/// From the end of the window over which a period's two samples are the mean current, to the end of
-/// the period: a quarter of it.
+/// Time from the end of the averaging window of a period's two samples to the end of the period: a
+/// quarter of the period.
 const AFTER_WINDOW: Time = Time::from_us(4);
 
-/// Circuit and control interrupt, with the world that they drive.
+/// Circuit and control interrupt, with the world whose coil they drive.
 pub(super) struct CoilDrive {
     world: SharedWorld,
-    /// Nothing for constants that do not fit each other.
+    /// `None` if the constants do not fit each other.
     control: ControlLoop,
     runs: bool,
     /// End of the last period.
@@ -75,7 +75,7 @@ impl CoilDrive {
         }
     }
 
-    /// Lets time pass for circuit and world.
+    /// Advances circuit and world.
     pub(super) fn advance_to(&mut self, time: Time) {
         while self.runs && self.ended + PERIOD <= time {
             let left = (time - self.ended).as_ps() / PERIOD.as_ps();
@@ -86,7 +86,7 @@ impl CoilDrive {
         }
     }
 
-    /// Runs some periods, and gives the plant the current that has flowed.
+    /// Runs some periods, and passes their mean current to the plant.
     fn step(&mut self, periods: u32) {
         if self.steps.is_multiple_of(STEPS_A_CHANGE) {
             self.control.circuit.parameters = circuit_parameters(&self.world.borrow());
@@ -100,7 +100,7 @@ impl CoilDrive {
         let before = core::mem::replace(&mut self.reported, now);
         let passed = Passed::between(&before, &now);
         let mut world = self.world.borrow_mut();
-        // The world's time is still that of the last step.
+        // The world's time is still the end of the previous step.
         world.set_current_with_ripple(passed.mean_a, passed.ripple_a);
         world.advance_to(self.ended);
     }
@@ -108,7 +108,7 @@ impl CoilDrive {
     fn run(&mut self, on: bool, now: Time) {
         self.advance_to(now);
         if on && !self.runs {
-            // The PWM runs since the start.
+            // The PWM has run since the start.
             let periods = now.as_ps() / PERIOD.as_ps();
             self.ended = PERIOD.times(periods);
             self.reported = self.control.circuit.totals();
@@ -120,7 +120,7 @@ impl CoilDrive {
     }
 }
 
-/// The circuit's present: the coil's resistance changes with its temperature.
+/// Parameters of the circuit: the coil's resistance changes with its temperature.
 fn circuit_parameters(world: &World) -> CircuitParameters {
     let current = &world.parameters().current;
     let supply_v = if current.supply_v.is_finite() {
@@ -134,7 +134,7 @@ fn circuit_parameters(world: &World) -> CircuitParameters {
     }
 }
 
-/// The coil's side of the native board.
+/// Coil hardware of the native board.
 #[derive(Clone)]
 pub(super) struct NativeCoil<'a> {
     wiring: &'a Wiring,

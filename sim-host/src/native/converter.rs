@@ -1,5 +1,4 @@
-//! What the tasks of the converters are given: a bus, an edge reader and a port, all on the simulated
-//! chips.
+//! Hardware of the converters' tasks: a bus, an edge reader and a port, all on the simulated chips.
 
 use core::cell::{Cell, RefCell};
 use core::future::poll_fn;
@@ -24,22 +23,22 @@ use super::{DrivenWorld, Wiring, micros};
 const SCL_HZ: u32 = 400_000;
 /// Addresses of the two converters.
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
-/// INTB is low for so long without a known edge: one was missed.
+/// Time for which INTB stays low without a known edge until an edge counts as missed.
 const MISSED_EDGE: Time = Time::from_ms(1);
-/// Samples that can wait for the instrument.
+/// Capacity of the sample queue to the instrument.
 const WAITING: usize = 8;
 
-/// What the converters' tasks share with the instrument.
+/// State shared by the converters' tasks and the instrument.
 #[derive(Default)]
 pub(super) struct Shared {
     pub(super) states: RefCell<[ConverterState; CONVERTERS]>,
     pub(super) samples: RefCell<VecDeque<(u8, Sampled)>>,
-    /// When each task is to be polled again, at the latest.
+    /// Latest time of the next poll of each task.
     wakes: [Cell<Time>; CONVERTERS],
 }
 
 impl Shared {
-    /// When a task is to be polled next, at the latest.
+    /// Latest time of the next poll of any task.
     pub(super) fn wakes(&self) -> Time {
         let [first, second] = &self.wakes;
         first.get().min(second.get())
@@ -52,7 +51,7 @@ impl Shared {
     }
 }
 
-/// The bus, whose transfers take their time at once. The other converter gets its turn after each.
+/// I2C bus, whose transfers block for their duration. The other converter gets its turn after each.
 pub(super) struct NativeBus<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,
@@ -87,7 +86,7 @@ impl I2c for NativeBus<'_> {
     }
 }
 
-/// Lets the other converter have the bus.
+/// Yields the bus to the other converter.
 async fn pass_turn(wiring: &Wiring, shared: &Shared, converter: usize) {
     let since = wiring.now();
     poll_fn(|_| {
@@ -100,7 +99,7 @@ async fn pass_turn(wiring: &Wiring, shared: &Shared, converter: usize) {
     .await;
 }
 
-/// A transaction, which takes its time at once.
+/// A transaction that blocks for its duration.
 fn blocking(
     bus: &mut Bus<'_, DrivenWorld>,
     address: SevenBitAddress,
@@ -123,7 +122,7 @@ const fn transfer(error: I2cError) -> TransferError {
     }
 }
 
-/// Reads a converter's frames on its edges.
+/// Reads a converter's frame after each edge.
 pub(super) struct NativeEdges<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,
@@ -131,9 +130,9 @@ pub(super) struct NativeEdges<'a> {
     bus: Bus<'a, DrivenWorld>,
     pointers: Vec<u8>,
     deadlines: EdgeDeadlines,
-    /// Falls of INTB that have been taken.
+    /// Number of falling edges of INTB that have been processed.
     taken: u64,
-    /// The last of them, or when reading began.
+    /// Time of the last processed edge, or of the start of reading.
     known: Time,
 }
 
@@ -155,7 +154,7 @@ impl<'a> NativeEdges<'a> {
         }
     }
 
-    /// Number of falls of INTB so far, and the time of the last one.
+    /// Number of falling edges of INTB so far, and the time of the last one.
     fn falls(&self) -> (u64, Option<Time>) {
         let chip = self.wiring.chips().get(self.converter);
         chip.map_or((0, None), |chip| {
@@ -174,7 +173,7 @@ impl<'a> NativeEdges<'a> {
         chip.is_some_and(|chip| chip.borrow().intb_is_low())
     }
 
-    /// The frame of an edge, read now as far as it is not too late for that.
+    /// Reads the frame of an edge, up to the part whose deadline has passed.
     async fn read(&mut self, edge: Option<Time>) -> Result<EdgeFrame, TransferError> {
         let mut data = vec![[0; 2]; self.pointers.len()];
         // Rounded up: an interrupt takes a microsecond to read the timer.
@@ -232,7 +231,7 @@ impl EdgeReader for NativeEdges<'_> {
             let silent = self.known + silence;
             let (falls, last) = self.falls();
             if self.intb_is_stuck() {
-                // No fall of the line.
+                // INTB does not fall.
                 self.taken = falls;
             } else if falls != self.taken {
                 self.taken = falls;
@@ -305,7 +304,7 @@ impl<'a> Port for NativePort<'a> {
                 relative_error,
                 ..ExternalClock::exact(clkin_hz(clkin))
             };
-            // One that is set already goes on without a gap.
+            // A clock that is already set continues without a gap.
             if was != Some(clock) {
                 chip.advance_to(now);
                 chip.set_external_clock(Some(clock));
@@ -339,7 +338,7 @@ impl<'a> Port for NativePort<'a> {
     }
 }
 
-/// INTB; high where no converter is.
+/// INTB; high if the converter is absent.
 pub(super) struct Intb<'a>(Option<IntbPin<'a, DrivenWorld>>);
 
 impl embedded_hal::digital::ErrorType for Intb<'_> {

@@ -1,4 +1,4 @@
-//! The flash memory of the native board: a NOR flash in memory.
+//! Flash memory of the native board: a NOR flash in memory.
 
 use core::cell::RefCell;
 use core::fmt;
@@ -8,18 +8,18 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// Bytes of a sector, the least that is erased (W25Q16JV datasheet, 8.2.15, Sector Erase).
+/// Bytes of a sector, the smallest erasable unit (W25Q16JV datasheet, 8.2.15, Sector Erase).
 const SECTOR: usize = 4096;
-/// Sectors of the area for settings and calibration, as many as on the device.
+/// Number of sectors in the area for settings and calibration, as on the device.
 const SECTORS: usize = 16;
 
-/// The area for settings and calibration: a write clears bits, an erase sets all of a sector.
+/// The area for settings and calibration: a write clears bits, an erase sets all bits of a sector.
 ///
-/// A copy is the same memory. It takes no time.
+/// A clone shares the memory. Operations take no virtual time.
 #[derive(Clone)]
 pub struct Flash(Rc<RefCell<Vec<u8>>>);
 
-/// An address or a length that is no multiple of what the flash works with, or beyond its end.
+/// An address or a length that is not aligned, or is beyond the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashError(NorFlashErrorKind);
 
@@ -36,18 +36,19 @@ impl fmt::Debug for Flash {
 }
 
 impl Flash {
-    /// An erased one.
+    /// An erased flash.
     #[must_use]
     pub fn new() -> Self {
         Self(Rc::new(RefCell::new(vec![u8::MAX; SECTORS * SECTOR])))
     }
 
-    /// Lets `look` see what is in it, or change it by other ways than a flash allows.
+    /// Calls `look` with the bytes, to read them or to change them in ways that a flash does not
+    /// allow.
     pub fn with_bytes<T>(&self, look: impl FnOnce(&mut [u8]) -> T) -> T {
         look(&mut self.0.borrow_mut())
     }
 
-    /// Works on a range that is aligned to `unit` bytes.
+    /// Runs an operation on a range that is aligned to `unit` bytes.
     fn within<T>(
         &self,
         from: u32,
@@ -101,7 +102,7 @@ impl ReadNorFlash for Flash {
 }
 
 impl NorFlash for Flash {
-    /// As the device's driver has it.
+    /// Equal to the device driver's write size.
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR;
 

@@ -1,4 +1,4 @@
-//! Who the native board says it is.
+//! Identity that the native board reports.
 
 use palpate_node::instrument::Identity;
 use palpate_procedure::Limits;
@@ -6,10 +6,10 @@ use palpate_procedure::boot::Boot;
 use palpate_wire::code::{Board, Chip, ResetCause};
 use palpate_wire::record::Hello;
 
-/// Its boot id after its first start.
+/// Boot id after the first start.
 pub const FIRST_BOOT_ID: u32 = 1;
 
-/// The board as the instrument begins with it: no hardware.
+/// Identity of the board at the start of the instrument: no hardware.
 pub(super) fn identity(boot_id: u32) -> Identity {
     let part = |number: Option<&str>| number.and_then(|text| text.parse().ok()).unwrap_or(0);
     Identity {

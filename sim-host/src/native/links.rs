@@ -1,4 +1,5 @@
-//! The links of the native board, byte by byte: what a PC writes and reads at the other end of a cable.
+//! Links of the native board, byte by byte: the bytes that a PC writes and reads at the other end
+//! of a cable.
 
 use core::cell::RefCell;
 use std::collections::VecDeque;
@@ -9,7 +10,7 @@ use palpate_node::link::{BYTES_A_TURN, ByteSource, FrameSink, Inbox, Outbox};
 use palpate_procedure::Link;
 use palpate_wire::{Message, Record};
 
-/// Every link of a board.
+/// All links of a board.
 pub(super) struct Links {
     probe: NativeLink,
     usb: NativeLink,
@@ -17,7 +18,7 @@ pub(super) struct Links {
 }
 
 impl Links {
-    /// The links of the run with this number. No PC is there.
+    /// Links of the run with this boot id, without a PC.
     pub(super) fn new(boot_id: u32) -> Self {
         let link = || NativeLink::new(Rc::default(), boot_id);
         Self {
@@ -27,14 +28,14 @@ impl Links {
         }
     }
 
-    /// The board starts anew. What it has not read yet waits in the cables.
+    /// Restarts the board's side. Unread bytes stay in the cables.
     pub(super) fn start_anew(&mut self, boot_id: u32) {
         for link in [&mut self.probe, &mut self.usb] {
             *link = NativeLink::new(Rc::clone(&link.cable.0), boot_id);
         }
     }
 
-    /// What is in the cable of a link.
+    /// Calls `look` with the cable of a link.
     pub(super) fn with_cable<T>(&self, link: Link, look: impl FnOnce(&mut Cable) -> T) -> T {
         let link = match link {
             Link::Probe => &self.probe,
@@ -43,7 +44,7 @@ impl Links {
         look(&mut link.cable.0.borrow_mut())
     }
 
-    /// Sends the record of a time over a link, or over all of them.
+    /// Sends a record with its time over a link, or over all links.
     pub(super) fn send(&mut self, to: Option<Link>, time_us: u64, record: &Record) {
         for (link, of) in [(Link::Probe, &mut self.probe), (Link::Usb, &mut self.usb)] {
             if to.is_none_or(|to| to == link) {
@@ -52,7 +53,7 @@ impl Links {
         }
     }
 
-    /// The next whole frame of a link, if it comes within this turn.
+    /// Next whole frame of a link, if it arrives within this turn.
     pub(super) fn receive(&mut self, link: Link) -> Option<Received> {
         let link = match link {
             Link::Probe => &mut self.probe,
@@ -62,18 +63,18 @@ impl Links {
     }
 }
 
-/// The bytes under way, which always find room.
+/// Bytes in transit; the capacity is unlimited.
 #[derive(Debug, Default)]
 pub(super) struct Cable {
-    /// A PC is there.
+    /// Whether a PC is connected.
     pub(super) is_open: bool,
-    /// Towards the board.
+    /// Bytes to the board.
     pub(super) down: VecDeque<u8>,
-    /// Towards the PC.
+    /// Bytes to the PC.
     pub(super) up: Vec<u8>,
 }
 
-/// An end of a cable.
+/// One end of a cable.
 #[derive(Clone)]
 struct End(Rc<RefCell<Cable>>);
 

@@ -1,11 +1,11 @@
 //! The native board: the firmware's own crates on a PC, against the simulated converters and plant, on
 //! the virtual clock.
 //!
-//! What runs here is what runs on the real board: `palpate-node` with driver, procedure and control
-//! law, and the same records. This module is the shell that the RTIC tasks are on the microcontroller:
-//! it polls the converters' tasks when something has happened for them, the coil's manager once a
-//! millisecond, and the instrument after both. The coil's current is that of the control law around
-//! the simulated circuit, period by period.
+//! It runs the code of the real board: `palpate-node` with driver, procedure and control law, and
+//! the same records. This module replaces the RTIC tasks of the microcontroller: it polls the
+//! converters' tasks when an event concerns them, the coil's manager once a millisecond, and the
+//! instrument after both. The control law sets the coil's current in the simulated circuit, period
+//! by period.
 //!
 //! ```
 //! use palpate_sim::Time;
@@ -58,25 +58,25 @@ pub use flash::{Flash, FlashError};
 pub use identity::FIRST_BOOT_ID;
 pub use wiring::{DrivenWorld, Wiring};
 
-/// Settings with which the instrument starts.
+/// Settings of the instrument after a start.
 #[must_use]
 pub fn default_settings() -> palpate_wire::command::Settings {
     palpate_procedure::configuration::DEFAULT_SETTINGS
 }
 
-/// From one poll of the coil's drive to the next.
+/// Interval between two polls of the coil's drive.
 const POLL: Time = Time::from_us(POLL_US);
-/// Longest time until the converters have been asked for their identity, as on the device.
+/// Longest time for the converters' identification, as on the device.
 const IDENTITY: Time = Time::from_ms(60);
-/// Longest wait for an answer: what waits for the coil's test is answered after it.
+/// Longest wait for an answer; a command that arrives during the coil's test is answered after it.
 const ANSWER: Time = Time::from_ms(500);
 
-/// Why the board cannot run.
+/// Error of the native board.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BoardError {
     /// A command of this kind was not answered.
     NoAnswer {
-        /// The command's kind.
+        /// Kind of the command.
         kind: u8,
     },
 }
@@ -96,15 +96,15 @@ impl core::error::Error for BoardError {}
 /// A record with its time.
 pub type TimedRecord = (Instant, Record);
 
-/// The task of a converter, for ever under way.
+/// Task of a converter; it never ends.
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// The board under way.
+/// A running board.
 pub struct NativeBoard<'a> {
     hardware: NativeHardware<'a>,
     instrument: Instrument,
     tasks: [Task<'a>; CONVERTERS],
-    /// When the instrument begins at the latest; nothing once it has.
+    /// Latest start time of the instrument; `None` once it has started.
     begins: Option<Time>,
     next_poll: Time,
     commands_sent: u32,
@@ -118,22 +118,22 @@ impl fmt::Debug for NativeBoard<'_> {
     }
 }
 
-/// What the instrument drives.
+/// Hardware of the instrument.
 struct NativeHardware<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,
     coil: CoilManager<NativeCoil<'a>>,
-    /// Number of this run; the next one has the next.
+    /// Number of this run; it rises by one with each restart.
     boot_id: u32,
-    /// Numbers `frames`.
+    /// Sequence numbers of `frames`.
     sequencer: Sequencer,
-    /// What went to the probe's link, where it is not read as bytes.
+    /// Frames sent over the probe's link, if they are not read as bytes.
     frames: Vec<Frame<Record>>,
     links: Links,
     storage: StorageTask<Flash>,
-    /// The next order to the storage.
+    /// Pending order to the storage.
     order: Option<StorageOrder>,
-    /// It is to start anew.
+    /// Whether a restart is pending.
     restarts: bool,
 }
 
@@ -176,7 +176,7 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
         self.restarts = true;
     }
 
-    /// It has no LED.
+    /// The native board has no LED.
     fn locate(&mut self, _: u64) {}
 
     fn usage(&mut self) -> Usage {
@@ -185,7 +185,7 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
 }
 
 impl NativeHardware<'_> {
-    /// The storage's next report.
+    /// Next report of the storage.
     fn storage_reports(&mut self) -> Option<StorageReport> {
         let going = pin!(self.storage.work(self.order.take()));
         // A flash in memory never waits.
@@ -197,8 +197,8 @@ impl NativeHardware<'_> {
 }
 
 impl<'a> NativeBoard<'a> {
-    /// A board that starts now, with what is stored in the wiring's flash: at first default settings and
-    /// no calibration.
+    /// A board that starts now, with the settings and calibration in the wiring's flash: default
+    /// settings and no calibration in an empty flash.
     #[must_use]
     pub fn new(wiring: &'a Wiring) -> Self {
         let shared = Rc::new(Shared::default());
@@ -253,8 +253,9 @@ impl<'a> NativeBoard<'a> {
         sequence
     }
 
-    /// A PC writes bytes to a link, which the board takes as the device does: a frame of each link in
-    /// a turn. From now on what it sends over the link can be [read](Self::read).
+    /// Writes bytes to a link, as a PC. The board takes them as the device does: one frame of each
+    /// link per turn. From the first call on, [`Self::read`] returns the bytes that the board sends
+    /// over the link.
     pub fn write(&mut self, link: Link, bytes: &[u8]) {
         self.hardware.links.with_cable(link, |cable| {
             cable.is_open = true;
@@ -262,34 +263,34 @@ impl<'a> NativeBoard<'a> {
         });
     }
 
-    /// Number of bytes written to a link that the board has not taken yet.
+    /// Number of bytes written to a link and not yet read by the board.
     #[must_use]
     pub fn unread(&self, link: Link) -> usize {
         let links = &self.hardware.links;
         links.with_cable(link, |cable| cable.down.len())
     }
 
-    /// The PC reads all that the board has sent over a link since the last call, from the first
-    /// [`write`](Self::write) on.
+    /// Returns the bytes that the board has sent over a link since the last call; they count from
+    /// the first [`Self::write`].
     #[must_use]
     pub fn read(&mut self, link: Link) -> Vec<u8> {
         let links = &self.hardware.links;
         links.with_cable(link, |cable| core::mem::take(&mut cable.up))
     }
 
-    /// Number of this run: [`FIRST_BOOT_ID`], and one more after every restart.
+    /// Boot id: [`FIRST_BOOT_ID`] at first, and one more after every restart.
     #[must_use]
     pub const fn boot_id(&self) -> u32 {
         self.hardware.boot_id
     }
 
-    /// The procedure, to read; nothing before it has begun.
+    /// The procedure, to read; `None` until the instrument has started.
     #[must_use]
     pub const fn procedure(&self) -> Option<&Procedure> {
         self.instrument.procedure()
     }
 
-    /// Runs until something happens for a task, to `end` at most.
+    /// Advances to the next event for a task, to `end` at most.
     fn advance_to(&mut self, end: Time) {
         let wiring = self.hardware.wiring;
         let now = wiring.now();
@@ -327,11 +328,11 @@ impl<'a> NativeBoard<'a> {
             let boot_id = self.hardware.boot_id;
             self.instrument
                 .begin(&mut self.hardware, identity::identity(boot_id));
-            // Where nothing is stored, it begins at once.
+            // With empty storage the instrument starts at once.
             self.run_storage();
         }
         let mut stepped = false;
-        // Until it has begun, what comes waits where it is.
+        // Until the instrument has started, samples and commands stay queued.
         if !self.instrument.has_begun() {
             self.instrument.poll(&mut self.hardware, stepped);
             return self.run_storage();
@@ -355,15 +356,15 @@ impl<'a> NativeBoard<'a> {
         }
     }
 
-    /// The storage carries out its order, or goes on: a report in a turn, as on the device. What it does
-    /// takes no time.
+    /// Runs the storage: its pending order, or the next part of one. It makes one report per turn,
+    /// as on the device, and takes no virtual time.
     fn run_storage(&mut self) {
         if let Some(report) = self.hardware.storage_reports() {
             self.instrument.stored(&mut self.hardware, &report);
         }
     }
 
-    /// Takes a frame of each link; whether there was one.
+    /// Processes one frame of each link; returns whether there was one.
     fn receive(&mut self) -> bool {
         let mut has_received = false;
         for link in Link::ALL {
@@ -376,7 +377,7 @@ impl<'a> NativeBoard<'a> {
         has_received
     }
 
-    /// The instrument forgets everything but what is stored; the converters are configured anew.
+    /// Restarts the instrument: it keeps only stored data, and configures the converters again.
     fn start_anew(&mut self) {
         self.hardware.boot_id += 1;
         self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);
@@ -427,7 +428,7 @@ impl Device for NativeBoard<'_> {
     }
 }
 
-/// A moment in whole microseconds, cut off as a timer's.
+/// A time in whole microseconds, truncated as a timer does.
 const fn micros(time: Time) -> u64 {
     time.as_ps() / 1_000_000
 }

@@ -1,4 +1,4 @@
-//! What the native board is wired to: converters, coil, world and flash.
+//! Wiring of the native board: converters, coil, world and flash.
 
 use core::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -13,16 +13,16 @@ use super::coil::{CoilDrive, NativeCoil};
 use super::flash::Flash;
 use crate::world::{SharedWorld, World};
 
-/// Converters, coil, world and flash, as they are wired to a board.
+/// Converters, coil, world and flash that are connected to a board.
 pub struct Wiring {
     world: SharedWorld,
-    /// The second is there, or held in shutdown for ever, in which it answers nothing.
+    /// The second converter is present, or stays in shutdown, in which it does not answer.
     chips: [RefCell<Chip<DrivenWorld>>; CONVERTERS],
     has_second: bool,
     pub(super) drive: Rc<RefCell<CoilDrive>>,
     pub(super) supervisor: Supervisor,
     flash: Flash,
-    /// In memory that a reset leaves as it is.
+    /// Memory that survives a reset.
     pub(super) kept_energy: Cell<EnergyWords>,
 }
 
@@ -35,7 +35,7 @@ impl core::fmt::Debug for Wiring {
 }
 
 impl Wiring {
-    /// One converter in this world, at the world's own time.
+    /// A world with one converter, at the world's own time.
     ///
     /// # Panics
     /// If the reference board's constants do not fit each other, which a test of the driver excludes.
@@ -44,7 +44,7 @@ impl Wiring {
         Self::of(world, false)
     }
 
-    /// The same with a second converter, which has the same sensing coil on its channel 0.
+    /// A world with two converters, both with the same sensing coil on channel 0.
     #[must_use]
     pub fn with_second_converter(world: World) -> Self {
         Self::of(world, true)
@@ -80,13 +80,13 @@ impl Wiring {
         }
     }
 
-    /// The world, to move its press and to read what is truly there.
+    /// The world, to move its press and to read its true state.
     #[must_use]
     pub const fn world(&self) -> &SharedWorld {
         &self.world
     }
 
-    /// The flash, which keeps what a board has stored for the next one.
+    /// The flash, which keeps stored data from one board to the next.
     #[must_use]
     pub const fn flash(&self) -> &Flash {
         &self.flash
@@ -99,24 +99,24 @@ impl Wiring {
         first
     }
 
-    /// Both converters. One that is not there stays in shutdown, and answers nothing.
+    /// Both converters. An absent one stays in shutdown, and does not answer.
     #[must_use]
     pub const fn chips(&self) -> &[RefCell<Chip<DrivenWorld>>; CONVERTERS] {
         &self.chips
     }
 
-    /// Whether a converter is there.
+    /// Whether a converter is present.
     pub(super) const fn has(&self, converter: usize) -> bool {
         converter == 0 || self.has_second
     }
 
-    /// The present: that of the converter that is furthest on.
+    /// Current virtual time: that of the most advanced converter.
     pub(super) fn now(&self) -> Time {
         let times = self.chips.iter().map(|chip| chip.borrow().now());
         times.max().unwrap_or(Time::ZERO)
     }
 
-    /// Lets time pass until INTB of a converter falls, or up to `limit`.
+    /// Advances until INTB of a converter falls, or to `limit`.
     pub(super) fn advance_to_edge(&self, limit: Time) {
         let falls = || -> u64 {
             let falls = self.chips.iter().map(|chip| chip.borrow().interrupts());
@@ -135,14 +135,14 @@ impl Wiring {
         }
     }
 
-    /// Lets coil and world catch up with the converters.
+    /// Advances coil and world to the converters' time.
     pub(super) fn advance_world(&self) {
         let now = self.now();
         self.drive.borrow_mut().advance_to(now);
     }
 }
 
-/// The very frequency at CLKIN: the driver plans with whole hertz.
+/// Exact frequency at CLKIN; the driver plans with whole hertz.
 pub(super) fn clkin_hz(clkin: Clkin) -> f64 {
     f64::from(CORE_HZ) / f64::from(clkin.divisor())
 }
@@ -156,7 +156,7 @@ fn reference_drive() -> (Supervisor, Drive) {
     CoilManager::<NativeCoil<'_>>::drive().expect("constants that fit each other")
 }
 
-/// The world as a converter sees it: the coil's drive has come as far as the moment in question.
+/// The world as a converter reads it: the coil's drive first advances to the time of the reading.
 #[derive(Clone)]
 pub struct DrivenWorld {
     world: SharedWorld,

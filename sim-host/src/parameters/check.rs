@@ -1,19 +1,19 @@
-//! Ranges in which the parameters make a plant.
+//! Valid ranges of the parameters.
 
 use core::fmt;
 
 use super::Parameters;
 
-/// A parameter with which there is no plant.
+/// A parameter out of its valid range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterError {
-    /// The parameter.
+    /// Name of the parameter.
     pub name: &'static str,
-    /// What it is.
+    /// Rejected value.
     pub value: f64,
-    /// The least that it may be.
+    /// Least allowed value.
     pub min: f64,
-    /// The most that it may be.
+    /// Greatest allowed value.
     pub max: f64,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for ParameterError {
 
 impl core::error::Error for ParameterError {}
 
-/// Refuses a value out of its range, NaN too.
+/// Refuses a value out of its range, and NaN.
 pub(crate) fn within(
     name: &'static str,
     value: f64,
@@ -50,7 +50,8 @@ pub(crate) fn within(
 }
 
 impl Parameters {
-    /// Refuses parameters with which the model makes no sense. What [`super::draw`] returns passes.
+    /// Refuses parameters outside of the model's valid range. Every result of [`super::draw`]
+    /// passes.
     ///
     /// # Errors
     /// [`ParameterError`] names the first parameter out of its range.

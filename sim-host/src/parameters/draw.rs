@@ -1,4 +1,4 @@
-//! Drawing a plant from the ranges of its kind.
+//! Random draw of a plant from the ranges of its kind.
 
 use core::f64::consts::TAU;
 
@@ -18,8 +18,8 @@ use crate::stack::quantity::Quantity;
 use crate::stack::{Disturbances, Stack};
 use crate::thermal::{COPPER_PER_KELVIN, ThermalParameters};
 
-/// Range of the spring of what the load stands on, N/m (SOURCES.md 3.7: 20 to 200 N/mm). The stack
-/// files give only the calibration rig's.
+/// Range of the spring constant of the frame under the load, N/m (SOURCES.md 3.7: 20 to 200 N/mm).
+/// The stack files give only the calibration rig's.
 pub const FRAME_SPRING_N_PER_M: Quantity = Quantity::LogUniform {
     min: 20e3,
     max: 200e3,
@@ -32,17 +32,18 @@ pub const CURVATURE_PER_M: Quantity = Quantity::Uniform {
     max: 20.0,
 };
 
-/// Range of the voltage that the drive coils induce in the sensing coil near its resonance, for each
-/// volt across them: mutual over own inductance of the paper's coils, 5·10⁻⁵ to 9·10⁻⁵ through a
-/// plane of 70 µm of copper (computed, [`crate::sensing_coil::mutual`]), and twice that and a third of it
-/// for what the computation leaves out: elastomer, the plane's edge, capacitance between turns.
+/// Range of the voltage induced in the sensing coil near its resonance, per volt across the drive
+/// coils: mutual over own inductance of the paper's coils, 5·10⁻⁵ to 9·10⁻⁵ through a plane of 70
+/// µm of copper (computed, [`crate::sensing_coil::mutual`]). The range extends to twice and to a
+/// third of that, because the computation leaves out elastomer, the plane's edge and the
+/// capacitance between turns.
 pub const INTERFERENCE_V_PER_V: Quantity = Quantity::LogUniform {
     min: 2e-5,
     max: 2e-4,
 };
 
-/// Range of the time that an edge of the bridge takes, s: 12 V at 60 to 24 V/µs. Integrated bridges
-/// let it be chosen, 1.5 to 50 V/µs (data sheet of the DRV8245-Q1).
+/// Range of the duration of a bridge edge, s: 12 V at 60 to 24 V/µs. Integrated bridges have a
+/// selectable slew rate, 1.5 to 50 V/µs (data sheet of the DRV8245-Q1).
 pub const EDGE_S: Quantity = Quantity::Uniform {
     min: 0.2e-6,
     max: 0.5e-6,
@@ -67,7 +68,7 @@ pub fn draw(stack: &Stack, disturbances: &Disturbances, seed: u64) -> Parameters
     Parameters { seed, ..parameters }
 }
 
-/// The plant in the middle of all ranges, with the seed 0 for its noise.
+/// The plant at the centre of all ranges, with seed 0 for its noise.
 #[must_use]
 pub fn central(stack: &Stack, disturbances: &Disturbances) -> Parameters {
     assemble(stack, disturbances, &mut |quantity, _| quantity.centre())
@@ -132,7 +133,7 @@ fn assemble(stack: &Stack, d: &Disturbances, pick: Pick<'_>) -> Parameters {
     }
 }
 
-/// Every mode of either spring draws its own amplitude and time constant.
+/// Creep modes of a layer; every mode draws its own amplitude and time constant.
 fn creep(d: &Disturbances, layer: &str, pick: Pick<'_>) -> [CreepMode; MODES] {
     let [fast, mid, slow] = &d.creep.tau_s;
     [(fast, "fast"), (mid, "mid"), (slow, "slow")].map(|(tau_s, mode)| CreepMode {

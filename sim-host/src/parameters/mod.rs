@@ -22,20 +22,20 @@ use crate::thermal::ThermalParameters;
 /// Distance over which the error of the stage's scale repeats, m: a lead screw's pitch (guess).
 pub const STAGE_PITCH_M: f64 = 0.5e-3;
 
-/// One plant: every quantity in which it differs from another.
+/// All parameters in which plants differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    /// Name of its stack.
+    /// Name of the stack.
     pub stack: String,
-    /// The seed that it was drawn with; its noise comes from it too.
+    /// Seed of the draw and of the noise.
     pub seed: u64,
     /// Sensing layer.
     pub sensing: LayerParameters,
     /// Actuated layer.
     pub actuated: LayerParameters,
-    /// Friction beside the sensing layer; none is drawn.
+    /// Friction beside the sensing layer; the draw has none.
     pub friction: FrictionParameters,
-    /// What the load's face does to the coils' fields; none is drawn.
+    /// Effect of the load's face on the coils' fields; the draw has none.
     pub object: ObjectParameters,
     /// Stiffening of the actuated layer.
     pub magnetorheological: MagnetorheologicalParameters,
@@ -47,19 +47,19 @@ pub struct Parameters {
     pub thermal: ThermalParameters,
     /// The sensing coil and its capacitor.
     pub tank: TankParameters,
-    /// What couples the bridge's switching to the sensing coil.
+    /// Coupling from the bridge's switching to the sensing coil.
     pub interference: InterferenceParameters,
     /// The converter.
     pub ldc: LdcParameters,
-    /// The actuating coils' current.
+    /// Current of the actuating coils.
     pub current: CurrentParameters,
-    /// Who or what presses.
+    /// Press: depth, frame and vibration.
     pub press: PressParameters,
     /// The bench on which the instrument is calibrated.
     pub rig: RigParameters,
 }
 
-/// Attraction of the actuated layer's halves: k I² (1 + γ x_D).
+/// Attraction between the halves of the actuated layer: k I² (1 + γ x_D).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttractionParameters {
     /// k, N/A², 0 to 0.1.
@@ -68,14 +68,14 @@ pub struct AttractionParameters {
     pub gradient_per_m: f64,
 }
 
-/// A load whose face is permeable. It lies on the upper slab of MSE and reflects the sensing coil's field there
-/// (see [`crate::sensing_coil::integral::CoilIntegral::facing`]), less as the actuating field takes its permeability
-/// down, by a part s (I/I_peak)²; and the actuating coils pull it by k I², against their own layer and through the
-/// sensor, while it touches.
+/// A load with a permeable face. It lies on the upper slab of MSE and reflects the sensing coil's
+/// field there (see [`crate::sensing_coil::integral::CoilIntegral::facing`]). The actuating field
+/// lowers the face's permeability, and the reflection by a part s (I/I_peak)². While it touches,
+/// the actuating coils pull it by k I², against their own layer and through the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ObjectParameters {
-    /// Reflection (μ − 1)/(μ + 1) of the face without current: 1 for an ideal ferrite, −1 for an ideal conductor,
-    /// zero for nothing.
+    /// Reflection (μ − 1)/(μ + 1) of the face without current: 1 for an ideal ferrite, −1 for an
+    /// ideal conductor, 0 without an effect.
     pub reflection: f64,
     /// s, 0 to 0.5.
     pub lost_at_peak: f64,
@@ -100,31 +100,31 @@ pub struct LdcParameters {
     pub reference_clock_error: f64,
     /// White noise of the frequency in a conversion of 1 ms, relative, 0 to 10⁻³.
     pub white_noise_relative: f64,
-    /// Whether it counts whole edges.
+    /// Whether the converter counts whole edges only.
     pub quantised: bool,
-    /// Whether the drive current shifts the frequency.
+    /// Whether the converter's drive current shifts the frequency.
     pub drive_shift: bool,
 }
 
-/// Who or what presses, and how deep.
+/// Press: depth, frame and vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressParameters {
-    /// How far the sensing layer is meant to be pressed, m, 1 µm to 0.8 mm.
+    /// Intended displacement of the sensing layer, m, 1 µm to 0.8 mm.
     pub depth_m: f64,
-    /// Compliance of what the load stands on, m/N, 0 to 10⁻³.
+    /// Compliance of the frame under the load, m/N, 0 to 10⁻³.
     pub frame_m_per_n: f64,
     /// Vibration of a stand.
     pub vibration: Shake,
     /// Tremor of a hand.
     pub tremor: Shake,
-    /// Jumps of the sensor or of what it stands on; none are drawn.
+    /// Jumps of the sensor or of its support; the draw has none.
     pub jumps: Jumps,
 }
 
 /// The bench on which the instrument is calibrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigParameters {
-    /// Compliance of its own frame, m/N, 0 to 10⁻³.
+    /// Compliance of the rig's frame, m/N, 0 to 10⁻³.
     pub frame_m_per_n: f64,
     /// Noise of a reading of the load cell, N rms, 0 to 1.
     pub load_cell_noise_n: f64,
@@ -132,15 +132,15 @@ pub struct RigParameters {
     pub load_cell_gain_error: f64,
     /// Greatest error of the stage's scale, m, 0 to 10⁻³; it repeats every [`STAGE_PITCH_M`].
     pub stage_error_m: f64,
-    /// Where in its period that error begins, rad.
+    /// Phase of that error at zero, rad.
     pub stage_phase: f64,
-    /// Relative tolerance of the rig's springs, 0 to 0.5; each is off by a part of it.
+    /// Relative tolerance of the rig's springs, 0 to 0.5; each spring is off by a part of it.
     pub spring_tolerance: f64,
 }
 
 impl Parameters {
-    /// The same plant with the disturbances that are switched off at their neutral values, so that
-    /// no formula has to check a switch, and what is off has no effect at all.
+    /// The plant with every disabled disturbance at its neutral value. No formula has to check a
+    /// switch, and a disabled disturbance has no effect at all.
     #[must_use]
     pub fn effective(&self, on: &Switches) -> Self {
         let mut p = self.clone();
@@ -205,7 +205,7 @@ impl Parameters {
     }
 }
 
-/// Sets the amplitudes of a disturbance that is off to zero.
+/// Sets the amplitudes of a disabled disturbance to zero.
 fn neutral<const N: usize>(on: bool, amplitudes: [&mut f64; N]) {
     if !on {
         amplitudes

@@ -1,15 +1,16 @@
-//! A recorded stream, run through the procedure again.
+//! Replay of a recorded stream through the procedure.
 //!
-//! The firmware's own procedure gets the conversions that a board has recorded, with its settings and its
-//! calibration, and what it computes is put beside what the board sent. Both are the same code on the same
-//! numbers: they agree to the bit.
+//! The replay feeds the recorded conversions, with the board's settings and calibration, to the
+//! firmware's own procedure, and compares its results with the records that the board sent. Both
+//! run the same code on the same numbers: they agree to the bit.
 //!
-//! What a board computes depends on all conversions since it began to learn what the untouched sensor reads.
-//! So a replay begins where the board does: after a release, after settings were set, after a train without
-//! a touch. Where records are missing it stops, and waits for the next such place.
+//! A board's results depend on all conversions since it started to learn the baseline of the
+//! untouched sensor. So a replay starts where the board starts to learn: after a release, after a
+//! change of settings, after a train without a contact. Where records are missing it stops, and
+//! waits for the next such start.
 //!
-//! When a step of the board's procedure ran is in the records that the step made; where it made none but
-//! the sample, nothing depends on its time.
+//! The records of a step show the time at which the board's procedure ran it. Where a step made no
+//! record except the sample, no result depends on its time.
 
 mod run;
 
@@ -23,40 +24,41 @@ use palpate_wire::{Command, Frame, Message, Record, encode};
 
 use run::Run;
 
-/// Settings and calibration in force on a board, and what the board is.
+/// Settings, calibration and identity of a board.
 #[derive(Clone, Debug)]
 pub struct InForce {
-    /// What the board says it is.
+    /// Identity that the board reports.
     pub hello: Hello,
     /// The settings.
     pub settings: Settings,
-    /// The commands that would set the parts of its calibration, without the settings.
+    /// Commands that set the parts of its calibration, without the settings.
     pub calibration: Vec<Command>,
 }
 
-/// Why a record of the board is not computed again.
+/// Reason why a record of the board is not recomputed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Pause {
-    /// The board had begun to learn what the untouched sensor reads before the recording.
+    /// The board started to learn the baseline before the recording started.
     BegunBefore,
     /// Records are missing.
     Missing,
-    /// Settings and calibration are not in the recording, or were changed.
+    /// Settings and calibration are not in the recording, or have changed.
     Configuration,
-    /// The board did not send every sample: by `stream` or `decimation` of its settings.
+    /// The board did not send every sample, due to `stream` or `decimation` in its settings.
     NotEverySample,
-    /// A fault.
+    /// The board reported a fault.
     Fault,
-    /// The coil was driven for another purpose than a measurement.
+    /// The coil was driven for a purpose other than a measurement.
     Driven,
-    /// The coil's heat or energy forbade a measurement: both are followed from the start of the board on.
+    /// The coil's heat or energy forbade a measurement. Both depend on everything since the board's
+    /// start.
     Heat,
-    /// The replay went another way than the board. This is a difference, too.
+    /// The replay is in another state than the board. This counts as a difference.
     OutOfStep,
 }
 
 impl Pause {
-    /// What it means, as the end of a sentence.
+    /// Meaning of the reason, as the end of a sentence.
     pub const fn meaning(self) -> &'static str {
         match self {
             Self::BegunBefore => "before the board began to learn the untouched sensor anew",
@@ -71,17 +73,17 @@ impl Pause {
     }
 }
 
-/// A record of the board beside the one that was computed again.
+/// A record of the board beside the recomputed one.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// What the board sent.
+    /// Record that the board sent.
     pub frame: Frame<Record>,
-    /// The same, computed again.
+    /// The recomputed record, or the reason why there is none.
     pub replayed: Result<Record, Pause>,
 }
 
 impl Compared {
-    /// Whether both are the same bytes. Nothing where there was no replay.
+    /// Whether both are the same bytes; `None` without a recomputed record.
     pub fn is_identical(&self) -> Option<bool> {
         match &self.replayed {
             Ok(replayed) => Some(self.bytes(replayed) == self.bytes(&self.frame.message)),
@@ -92,12 +94,12 @@ impl Compared {
 
     fn bytes(&self, record: &Record) -> Vec<u8> {
         let mut buffer = [0; Record::MAX_FRAME];
-        // A record that was decoded, or made by the procedure, has room.
+        // A record that was decoded, or made by the procedure, fits the buffer.
         encode(&self.frame.header, record, &mut buffer).map_or_else(|_| Vec::new(), <[u8]>::to_vec)
     }
 }
 
-/// Computes what boards have sent again, record by record.
+/// Recomputes the records of boards, one by one.
 #[derive(Debug, Default)]
 pub struct Replay {
     in_force: HashMap<u32, InForce>,
@@ -105,19 +107,19 @@ pub struct Replay {
     is_armed: bool,
     run: Option<Run>,
     pause: Option<Pause>,
-    /// Number of the frame that comes next.
+    /// Sequence number of the next frame.
     next: u32,
-    /// A sample, and the records up to the next one: those of the steps in between.
+    /// A sample, with the records of the steps up to the next sample.
     group: Vec<Frame<Record>>,
 }
 
 impl Replay {
-    /// Says what is in force in a boot of a board.
+    /// Sets the settings and calibration of one boot of a board.
     pub fn configure(&mut self, boot_id: u32, in_force: InForce) {
         self.in_force.insert(boot_id, in_force);
     }
 
-    /// Takes the next record; returns those that are finished.
+    /// Takes the next record; returns the finished comparisons.
     pub fn take(&mut self, frame: &Frame<Record>) -> Vec<Compared> {
         let is_next_boot = self.boot_id != Some(frame.header.boot_id);
         let mut finished = Vec::new();
@@ -134,7 +136,7 @@ impl Replay {
         finished
     }
 
-    /// Finishes what was taken so far.
+    /// Finishes the records taken so far.
     pub fn finish(&mut self) -> Vec<Compared> {
         let group = std::mem::take(&mut self.group);
         let is_whole = self.is_whole(&group);
@@ -168,7 +170,7 @@ impl Replay {
         self.pause = Some(why);
     }
 
-    /// Stops for what the procedure here cannot know of.
+    /// Stops at a record whose cause the procedure here cannot know.
     fn interrupt(&mut self, record: &Record) {
         let why = match record {
             Record::Fault(fault) if fault.active => Pause::Fault,
@@ -189,7 +191,7 @@ impl Replay {
         self.stop(why);
     }
 
-    /// Takes settings; true if they are others than before.
+    /// Takes settings; returns whether they differ from the previous ones.
     fn change(&mut self, settings: &Settings) -> bool {
         let boot_id = self.boot_id.unwrap_or_default();
         let Some(in_force) = self.in_force.get_mut(&boot_id) else {
@@ -214,7 +216,7 @@ impl Replay {
         })
     }
 
-    /// Follows where the board is, and begins where it begins.
+    /// Follows the state of the board, and starts the run where the board starts to learn.
     fn follow(&mut self, group: &[Frame<Record>], is_whole: bool) {
         let mut states = group.iter().filter_map(|frame| match &frame.message {
             Record::State(change) => Some(change),
@@ -261,8 +263,8 @@ const fn is_computed(record: &Record) -> bool {
     )
 }
 
-/// Whether the board learns from the next conversion on, with nothing from before, what the untouched
-/// sensor reads.
+/// Whether the board learns the baseline from the next conversion on, and uses no earlier
+/// conversion.
 fn begins_anew(record: &Record) -> bool {
     match record {
         Record::Sample(sample) => sample.sensor == 0 && sample.contact == Contact::Ended,
@@ -278,10 +280,10 @@ fn begins_anew(record: &Record) -> bool {
     }
 }
 
-/// Commands after which the untouched sensor is learnt anew.
+/// Commands after which the board learns the baseline again.
 const ANEW: [&str; 3] = ["set_settings", "set_deformation_curve", "set_crosstalk"];
 
-/// The command that was accepted and set something.
+/// Name of the accepted command that set something.
 fn sets(answer: &Acknowledgement) -> Option<&'static str> {
     let mut kinds = Command::KINDS.iter();
     let kind = kinds.find(|kind| kind.number == answer.kind)?;
@@ -289,7 +291,7 @@ fn sets(answer: &Acknowledgement) -> Option<&'static str> {
     sets.then_some(kind.name)
 }
 
-/// Whether the coil begins to be driven for anything but a measurement.
+/// Whether the coil starts to be driven for a purpose other than a measurement.
 fn is_driven(change: &StateChange) -> bool {
     match change.state {
         State::Manual => true,
@@ -298,7 +300,8 @@ fn is_driven(change: &StateChange) -> bool {
     }
 }
 
-/// Whether a setting was changed, by any link: nothing else ends the watch for a touch so.
+/// Whether a setting was changed, by any link: only this moves a board from watching to learning
+/// the baseline.
 fn is_set_anew(change: &StateChange) -> bool {
     (change.previous, change.state) == (State::Watching, State::Baseline)
 }

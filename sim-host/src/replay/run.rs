@@ -1,4 +1,4 @@
-//! The procedure under a recorded stream, from where a board has begun anew.
+//! The procedure on a recorded stream, from the point at which the board started to learn.
 
 use ldc161x::{Channel, Reading, Word};
 use palpate_node::acquisition::{Scheme, Setpoint};
@@ -15,10 +15,10 @@ use super::{InForce, is_computed};
 
 /// Channels of an LDC1614.
 const CHANNELS: u8 = 0b1111;
-/// The link by which commands come here. The procedure does the same for each.
+/// Link of the replayed commands. The procedure treats all links alike.
 const LINK: Link = Link::Usb;
-/// What the test of a coil finds that was tested before the replay began: it counts for the energy of the
-/// coil's drive alone, which is not replayed.
+/// Test result of a coil that was tested before the replay started. It affects only the energy of
+/// the coil's drive, which is not replayed.
 const TESTED: CoilTest = CoilTest {
     resistance_ohm: 0.0,
     inductance_h: 0.0,
@@ -28,25 +28,27 @@ const TESTED: CoilTest = CoilTest {
     limited_to_a: None,
 };
 
-/// A procedure, and what it has made.
+/// A procedure, with the records it has made.
 #[derive(Debug)]
 pub(super) struct Run {
     procedure: Procedure,
     actions: Actions,
     /// Time of the last step.
     now: Instant,
-    /// How long a conversion takes.
+    /// Duration of a conversion.
     window: Duration,
-    /// From the middle of a scan's first conversion to its end, which is before any step with it.
+    /// Time from the middle of a scan's first conversion to the end of that conversion, which
+    /// precedes any step with the scan.
     before_edge: Duration,
-    /// Converter and channel of those that have a deformation.
+    /// Converter and channel of those with a deformation curve.
     curves: Vec<(u8, u8)>,
-    /// What was computed and not been compared yet.
+    /// Computed records that have not been compared yet.
     made: Vec<Record>,
 }
 
 impl Run {
-    /// Begins at a moment of the board's clock. Nothing if what is in force is refused.
+    /// Starts at a time of the board's clock; `None` if the procedure refuses the settings or the
+    /// calibration.
     pub(super) fn begin(
         boot_id: u32,
         in_force: &InForce,
@@ -59,7 +61,7 @@ impl Run {
             rate_hz: settings.rate_hz,
             shares_bus: false,
         };
-        // Times within a scan are the same, however its frame is read.
+        // Times within a scan do not depend on how its frame is read.
         let scheme = Scheme::new(setpoint, false).ok()?;
         let mut run = Self {
             procedure: Procedure::new(board(boot_id, &in_force.hello)),
@@ -73,7 +75,7 @@ impl Run {
         run.event(at, &Event::Tick);
         let settings = Command::SetSettings(settings.clone());
         for command in in_force.calibration.iter().chain([&settings]) {
-            // Which calibration it is changes no number.
+            // The identity of the calibration changes no result.
             if !matches!(command, Command::SetCalibrationIdentity(_)) {
                 run.accepted(command, at)?;
             }
@@ -86,16 +88,16 @@ impl Run {
         Some(run)
     }
 
-    /// Whether the procedure is where the board is. One that has just begun counts ten conversions before
-    /// it says so that it learns the untouched sensor; it learns from the first one on.
+    /// Whether the procedure is in the board's state. A procedure that has just started learns from
+    /// the first conversion on, but reports `Baseline` only after ten conversions.
     pub(super) fn is_in(&self, state: State) -> bool {
         let is = self.procedure.state();
         is == state || (is, state) == (State::SelfTest, State::Baseline)
     }
 
-    /// Takes a sample, and the records of the board up to the next one.
+    /// Takes a sample, and the board's records up to the next sample.
     pub(super) fn step(&mut self, group: &[Frame<Record>]) {
-        // A sample that the board did not send here has no counterpart later.
+        // A computed sample that the board did not send has no counterpart later.
         self.made
             .retain(|record| is_computed(record) && !matches!(record, Record::Sample(_)));
         for (place, frame) in group.iter().enumerate() {
@@ -116,7 +118,7 @@ impl Run {
         }
     }
 
-    /// What was computed for a record of the board.
+    /// Takes the computed record that corresponds to a record of the board.
     pub(super) fn take(&mut self, sent: &Record) -> Option<Record> {
         let place = self.place(sent)?;
         Some(self.made.remove(place))
@@ -134,7 +136,7 @@ impl Run {
 
     fn scan(&mut self, middle: Instant, sample: &Sample, followers: &[Frame<Record>]) {
         let edge = Instant::from_ticks(middle.as_ticks() + self.before_edge.as_ticks());
-        // The temperature that a measurement begins with, in this step, is in its status.
+        // The status in this step has the temperature at the start of a measurement.
         let temperature_c = followers.iter().find_map(|frame| match &frame.message {
             Record::Status(status) => status.temperature_c,
             _ => None,
@@ -171,8 +173,8 @@ impl Run {
                 word: Word::from_registers((of.word >> 16) as u16, of.word as u16),
                 frequency_hz: of.frequency_hz,
                 sigma_hz: of.sigma_hz,
-                // A conversion that the driver does not trust has no deformation: after a gap, with
-                // nothing in its word that says so.
+                // A conversion that the driver does not trust has no deformation: one after a gap,
+                // although its word does not show it.
                 after_gap: has_curve && of.deformation_m.is_none(),
                 ..Reading::default()
             };
@@ -185,7 +187,7 @@ impl Run {
         scan
     }
 
-    /// Does what the board was commanded to do, as its change of state shows.
+    /// Repeats the command that the board's change of state shows.
     fn follow(&mut self, at: Instant, change: &StateChange) {
         if change.armed != self.procedure.is_armed() {
             self.command(at, &arming(change));
@@ -232,7 +234,7 @@ impl Run {
         self.event(at, &Event::Command(LINK, &frame));
     }
 
-    /// A step. Times that a later record shows do not go back.
+    /// Runs a step. Its time never goes back behind that of a later record.
     fn event(&mut self, at: Instant, event: &Event<'_>) {
         self.now = self.now.max(at);
         self.procedure.step_into(self.now, event, &mut self.actions);
@@ -244,7 +246,7 @@ impl Run {
     }
 }
 
-/// Whether the time of a record is that of the step that made it.
+/// Whether the time of a record is that of its step.
 const fn shows_its_step(record: &Record) -> bool {
     matches!(
         record,
@@ -252,7 +254,7 @@ const fn shows_its_step(record: &Record) -> bool {
     )
 }
 
-/// What armed or disarmed the board.
+/// Command that armed or disarmed the board.
 fn arming(change: &StateChange) -> Command {
     match (change.armed, change.mode) {
         (true, _) => Command::Arm,
@@ -261,7 +263,7 @@ fn arming(change: &StateChange) -> Command {
     }
 }
 
-/// The board as the procedure takes it: as after a start that nothing was wrong with.
+/// Board data for the procedure: those of a start without any fault.
 fn board(boot_id: u32, hello: &Hello) -> BoardInfo {
     let channels = |chip: Chip| if chip == Chip::Ldc161x { CHANNELS } else { 0 };
     BoardInfo {

@@ -1,4 +1,4 @@
-//! Inductance against gap as a Chebyshev series, built once for each coil.
+//! Inductance as a function of the gap: a Chebyshev series, built once for each coil.
 
 use core::f64::consts::PI;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::CoilDesign;
 use super::integral::{CoilIntegral, LEAST_GAP_M};
 
-/// The largest gap that the curve holds for, m.
+/// Largest gap of the curve, m.
 pub const LARGEST_GAP_M: f64 = 4e-3;
 
 /// Terms of the series. The inductance is analytic for gaps of positive real part, a strip of the
@@ -15,8 +15,7 @@ const TERMS: usize = 36;
 
 /// L(gap) between [`LEAST_GAP_M`] and [`LARGEST_GAP_M`], with a relative error below 10⁻¹² of
 /// [`CoilIntegral::inductance_h`] and its slope within 10⁻¹⁰.
-///
-/// Beyond its ends the curve stays at its end values, with no slope: a gap of 0.1 mm means that the
+/// Beyond its ends the curve keeps its end values, with zero slope: a gap of 0.1 mm means that the
 /// layer is pressed flat.
 ///
 /// ```
@@ -38,11 +37,12 @@ pub struct CoilCurve {
 
 type Known = ((CoilDesign, Option<f64>, f64), Arc<CoilCurve>);
 
-/// Curves already built; the quadrature takes tens of milliseconds, and a campaign makes thousands
+/// Curves built so far. The quadrature takes tens of milliseconds, and a campaign makes thousands
 /// of plants with one coil.
 static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
-/// More coils than any campaign compares; the oldest curve is then forgotten.
+/// Capacity of the cache: more coils than any campaign compares. Beyond it the oldest curve is
+/// dropped.
 const KNOWN_AT_MOST: usize = 16;
 
 impl CoilCurve {
@@ -62,13 +62,14 @@ impl CoilCurve {
         }
     }
 
-    /// The same, built at most once in this process.
+    /// A shared curve, built at most once in this process (see [`Self::new`]).
     #[must_use]
     pub fn shared(design: &CoilDesign, copper_m: Option<f64>) -> Arc<Self> {
         Self::shared_facing(design, copper_m, 0.0)
     }
 
-    /// The same with an object's face on the upper slab (see [`CoilIntegral::facing`]).
+    /// A shared curve of a coil with an object's face on the upper slab (see
+    /// [`CoilIntegral::facing`]).
     #[must_use]
     pub fn shared_facing(design: &CoilDesign, copper_m: Option<f64>, reflection: f64) -> Arc<Self> {
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -85,7 +86,7 @@ impl CoilCurve {
         curve
     }
 
-    /// Inductance, H, and its slope against the gap, H/m.
+    /// Inductance, H, and its slope in the gap, H/m.
     #[must_use]
     pub fn at(&self, gap_m: f64) -> (f64, f64) {
         let clamped_m = gap_m.clamp(LEAST_GAP_M, LARGEST_GAP_M);
@@ -141,7 +142,7 @@ fn differentiated(series: &[f64; TERMS]) -> [f64; TERMS] {
     slope
 }
 
-/// Σ cₙ Tₙ(x) of two series (Clenshaw 1955); side by side, so that neither waits for the other.
+/// Σ cₙ Tₙ(x) of two series (Clenshaw 1955); interleaved, so that neither waits for the other.
 fn clenshaw(one: &[f64; TERMS], other: &[f64; TERMS], x: f64) -> (f64, f64) {
     let twice = 2.0 * x;
     let (mut a, mut a_before) = (0.0, 0.0);

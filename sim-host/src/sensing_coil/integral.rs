@@ -5,19 +5,19 @@ use core::f64::consts::PI;
 use super::layers::{backed_slab, both_sides, conductor_behind_air, one_side};
 use super::{COPPER_M, CoilDesign, MU_0, Sides};
 
-/// The least gap that the model answers for, m. Turns are point filaments, which over-count the
-/// interaction with a slab at contact (SOURCES.md section 5).
+/// Least gap of the model, m. Turns are point filaments, which overestimate the interaction with a
+/// slab at contact (SOURCES.md section 5).
 pub const LEAST_GAP_M: f64 = 0.1e-3;
 
-/// Where the integrand is cut off: exp(−2 · 18.5) is below 10⁻¹⁶.
+/// Upper limit of the integral: exp(−2 · 18.5) is below 10⁻¹⁶.
 const CUT_OFF: f64 = 18.5;
 
-/// The coil's own part of the integrand, tabulated once: S(k)² times the weights of a composite
-/// Gauss–Legendre rule. The layers' part is then cheap for any gap.
+/// The coil's part of the integrand, tabulated once: S(k)² times the weights of a composite
+/// Gauss–Legendre rule. The layers' part then costs little for any gap.
 #[derive(Clone, Debug)]
 pub struct CoilIntegral {
     design: CoilDesign,
-    /// Distance from the turns to a plane of copper under the lower slab with nothing pressed, m.
+    /// Distance from the turns at rest to a plane of copper under the lower slab, m.
     copper_m: Option<f64>,
     /// Reflection at the face of an object that touches the upper slab.
     object: f64,
@@ -28,7 +28,7 @@ pub struct CoilIntegral {
 }
 
 impl CoilIntegral {
-    /// A coil alone, or with a plane of copper at the distance `copper_m` from its turns, at rest.
+    /// A coil alone, or with a plane of copper at the distance `copper_m` from its turns at rest.
     ///
     /// The copper reflects as an ideal conductor (70 µm are two skin depths at 3.7 MHz), and lies
     /// behind the lower slab at a fixed distance from it, as under a rigid spacer.
@@ -39,9 +39,10 @@ impl CoilIntegral {
         Self::with_panels(design, copper_m, design.inductance_in_air_h(), turns, 2.0)
     }
 
-    /// The same with an object that touches the upper slab, and has a plane face of this reflection: (μ − 1)/(μ + 1)
-    /// of a permeable one, the image method for a half-space, which holds for faces as wide as the coil and as thick as
-    /// its radius. A coil with MSE on one side has the object at the gap on its other side.
+    /// Adds an object that touches the upper slab, with a plane face of this reflection: (μ − 1)/(μ
+    /// + 1) for a permeable one, by the image method for a half-space, which is valid for faces as
+    /// wide as the coil and as thick as its radius. With MSE on one side, the object is at the gap
+    /// on the coil's other side.
     #[must_use]
     pub fn facing(self, reflection: f64) -> Self {
         Self {
@@ -50,8 +51,9 @@ impl CoilIntegral {
         }
     }
 
-    /// The same with the section of the tracks, of a width in m, above zero and at most the pitch, and of
-    /// copper of 35 µm: the current is even over each, and not in a filament in its middle, from which gaps count.
+    /// A coil as in [`Self::new`], with tracks of a width in m, above zero and at most the pitch,
+    /// and copper of 35 µm: the current is uniform over each section, not in a filament at its
+    /// centre, from which gaps count.
     #[must_use]
     pub fn of_tracks(design: CoilDesign, copper_m: Option<f64>, width_m: f64) -> Self {
         let tracks: Vec<f64> = design.radii_m().collect();
@@ -60,7 +62,8 @@ impl CoilIntegral {
         Self::with_panels(design, copper_m, in_air_h, turns, 2.0)
     }
 
-    /// `panels` per period of the fastest oscillation of S², which `turns` is.
+    /// Tabulates the integrand with `panels` panels per period of the fastest oscillation of S²;
+    /// `turns` returns S(k).
     fn with_panels(
         design: CoilDesign,
         copper_m: Option<f64>,
@@ -91,13 +94,13 @@ impl CoilIntegral {
         }
     }
 
-    /// The coil.
+    /// Design of the coil.
     #[must_use]
     pub fn design(&self) -> &CoilDesign {
         &self.design
     }
 
-    /// Inductance at the gap `gap_m`, H; below [`LEAST_GAP_M`] that at the least gap.
+    /// Inductance at the gap `gap_m`, H; the value at [`LEAST_GAP_M`] for smaller gaps.
     #[must_use]
     pub fn inductance_h(&self, gap_m: f64) -> f64 {
         let gap_m = gap_m.max(LEAST_GAP_M);
@@ -138,8 +141,8 @@ fn turns_sum(radii_m: &[f64], k: f64) -> f64 {
     radii_m.iter().map(|&a| a * libm::j1(k * a)).sum()
 }
 
-/// The same with the mean of a J1(ka) over tracks of a width, m, and that of e^(kz) over their copper's
-/// thickness.
+/// S(k) for tracks of a width, m: the mean of a J1(ka) over the width, and that of e^(kz) over the
+/// copper's thickness.
 fn track_sum(radii_m: &[f64], width_m: f64, k: f64) -> f64 {
     let mean = |share: f64| {
         let radii_m = radii_m.iter().map(|a| a + 0.5 * share * width_m);

@@ -1,54 +1,54 @@
-//! What the bridge's edges do to the oscillation of the sensing coil.
+//! Effect of the bridge's edges on the oscillation of the sensing coil.
 //!
 //! The bridge switches some 62 500 times a second; one of its harmonics always lies within half of
-//! that from the resonance near 3 MHz. Coil to coil it induces a small voltage in the tank, and an
-//! oscillator that is injected so follows Adler's equation (Adler 1946; Razavi 2004): the phase φ of
-//! the oscillation against the interferer moves as
+//! that from the resonance near 3 MHz. It induces a small voltage in the tank from coil to coil,
+//! and an oscillator under injection follows Adler's equation (Adler 1946; Razavi 2004). The phase
+//! φ of the oscillation relative to the interferer follows
 //!
 //! dφ/dt = Δ − Λ sin φ,  Λ = (ω₀/2Q) V_tank/V_osc = ω₀ e/(2 V_osc)
 //!
-//! with Δ the distance between free oscillation and interferer, and e the induced voltage in series
-//! with the coil, which the resonance raises to V_tank = Q e. Within ±Λ the oscillation locks; beyond,
-//! its mean frequency is off by Δ − √(Δ² − Λ²), and its phase sways by Λ/Δ.
+//! with Δ the difference between free oscillation and interferer, and e the induced voltage in
+//! series with the coil, which the resonance raises to V_tank = Q e. Within ±Λ the oscillation
+//! locks; beyond, its mean frequency is off by Δ − √(Δ² − Λ²), and its phase oscillates by Λ/Δ.
 //!
-//! Only the nearest harmonic acts. Its neighbours are a whole switching frequency further off, where
-//! they pull by Λ²/2Δ: below 10⁻² Hz for any Λ/2π below 25 Hz.
+//! Only the nearest harmonic is modelled. Its neighbours are a whole switching frequency further
+//! off, where they shift the frequency by Λ²/2Δ: below 10⁻² Hz for any Λ/2π below 25 Hz.
 
 use core::f64::consts::{PI, TAU};
 
-/// Amplitude of the oscillation, V: the least that the converter calls right (datasheet SNOSCY9A,
-/// 8.1.5), since an interferer pulls a faint oscillation most.
+/// Amplitude of the oscillation, V: the converter's specified minimum (datasheet SNOSCY9A, 8.1.5),
+/// since an interferer shifts a weak oscillation most.
 pub const OSCILLATION_V: f64 = 1.2;
 
-/// How the bridge is coupled to the sensing coil.
+/// Coupling of the bridge to the sensing coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InterferenceParameters {
     /// Voltage induced in the sensing coil for a voltage across the drive coil, near the resonance,
     /// V/V, 0 to 1: mutual over own inductance (see [`mutual`](super::mutual)).
     pub volt_per_volt: f64,
-    /// Time that an edge of the bridge takes, s, 0 to 10⁻⁵.
+    /// Duration of a bridge edge, s, 0 to 10⁻⁵.
     pub edge_s: f64,
 }
 
 /// The bridge as an interferer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bridge {
-    /// Its supply, V.
+    /// Supply, V.
     pub supply_v: f64,
-    /// Part of the period for which it drives, 0 to 1.
+    /// Duty cycle, 0 to 1.
     pub duty: f64,
-    /// Its period, s.
+    /// Period, s.
     pub period_s: f64,
 }
 
 impl InterferenceParameters {
-    /// The harmonic of the bridge that is nearest to a frequency.
+    /// Harmonic of the bridge that is nearest to a frequency.
     #[must_use]
     pub fn nearest(&self, bridge: &Bridge, free_hz: f64) -> Interferer {
         let harmonic = libm::round(free_hz * bridge.period_s).max(1.0);
         let frequency_hz = harmonic / bridge.period_s;
-        // Pulses of finite edges: sinc of the edge, of which the envelope, since its zeros are not
-        // to be relied upon.
+        // Pulses with finite edges have a sinc factor; its envelope is used, since its zeros are
+        // not reliable.
         let edge = (1.0 / (PI * frequency_hz * self.edge_s)).min(1.0);
         let pulse_v =
             2.0 * bridge.supply_v / (PI * harmonic) * libm::sin(PI * harmonic * bridge.duty) * edge;
@@ -62,23 +62,23 @@ impl InterferenceParameters {
 /// A voltage in the tank near its resonance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interferer {
-    /// Its frequency, Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Λ/2π, Hz, to either side of which the oscillation locks. Its sign is that of the voltage.
+    /// Λ/2π, Hz: half the width of the lock range. Its sign is that of the voltage.
     pub lock_hz: f64,
 }
 
-/// The oscillation's phase as far as it has been followed.
+/// Phase of the oscillation up to the last conversion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Oscillation {
     at_s: f64,
-    /// Cycles, without the whole ones.
+    /// Fraction of a cycle.
     phase: f64,
 }
 
 impl Oscillation {
-    /// Follows a conversion, and gives the cycles that the interferer has added. Until it begins
-    /// the oscillation is free.
+    /// Advances by a conversion, and returns the cycles that the interferer has added. Before the
+    /// first conversion the oscillation is free.
     pub fn follow(
         &mut self,
         interferer: Option<&Interferer>,
@@ -100,18 +100,18 @@ impl Oscillation {
 }
 
 impl Interferer {
-    /// Cycles that it adds within a time to an oscillation that begins at a phase against it,
-    /// cycles, and is `detuning_hz` above it.
+    /// Cycles that the interferer adds within `length_s` to an oscillation that starts at `phase`
+    /// relative to it, in cycles, and is `detuning_hz` above it.
     ///
-    /// Adler's equation solved exactly. With φ/2 as the direction of a vector it is linear:
-    /// v' = M v, M² = (Λ² − Δ²)/4, so that v turns or stretches in closed form.
+    /// Exact solution of Adler's equation. With φ/2 as the direction of a vector it is linear: v' =
+    /// M v, M² = (Λ² − Δ²)/4, so v rotates or stretches in closed form.
     #[must_use]
     pub fn pull(&self, phase: f64, detuning_hz: f64, length_s: f64) -> f64 {
         let (delta, lock) = (TAU * detuning_hz, TAU * self.lock_hz);
         let square = delta * delta - lock * lock;
         let beats = square > 0.0;
         let rate = libm::sqrt(square.abs());
-        // A whole beat of the unlocked oscillation turns the phase once.
+        // One beat of the unlocked oscillation is one turn of the phase.
         let whole = if beats {
             libm::floor(rate * length_s / TAU)
         } else {
@@ -123,13 +123,13 @@ impl Interferer {
             length_s
         };
         let half = 0.5 * rate * left_s;
-        // cos or cosh, and their integrals over half the rate
+        // cos or cosh, and their integrals over half the rate.
         let (even, odd) = if half < 1e-9 {
             (1.0, left_s)
         } else if beats {
             (libm::cos(half), 2.0 * libm::sin(half) / rate)
         } else {
-            // a stretch common to both components changes no direction
+            // A common stretch of both components changes no direction.
             let small = libm::exp(-2.0 * half);
             (1.0 + small, 2.0 * (1.0 - small) / rate)
         };
@@ -143,8 +143,8 @@ impl Interferer {
             cosine * next_sine - sine * next_cosine,
             cosine * next_cosine + sine * next_sine,
         ) / PI;
-        // An oscillation that beats turns one way, by less than a cycle beyond the whole ones: what
-        // seems to have turned far back has turned far on.
+        // A beating oscillation turns one way, by less than a cycle beyond the whole ones: a large
+        // turn backward is a small turn forward beyond half a cycle.
         let turned = if beats && turned * delta.signum() < -0.5 {
             turned + 2.0 * delta.signum()
         } else {
@@ -155,7 +155,7 @@ impl Interferer {
     }
 }
 
-/// Phase without its whole cycles.
+/// Fractional part of a phase, cycles.
 fn fraction(cycles: f64) -> f64 {
     cycles - libm::floor(cycles)
 }
@@ -164,7 +164,7 @@ fn fraction(cycles: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Adler's equation by the method of Runge and Kutta.
+    /// Adler's equation by the Runge-Kutta method.
     fn integrated(interferer: &Interferer, phase: f64, detuning_hz: f64, length_s: f64) -> f64 {
         let (delta, lock) = (TAU * detuning_hz, TAU * interferer.lock_hz);
         let rate = |angle: f64| delta - lock * angle.sin();
@@ -237,7 +237,7 @@ mod tests {
         };
         let found = parameters.nearest(&bridge, 2.99e6);
         assert_eq!(found.frequency_hz, 3e6);
-        // Fourier integral of the pulse with edges in no time, by sums.
+        // Fourier integral of the pulse with zero edge time, by a sum.
         let steps = 200_000;
         let sum: f64 = (0..steps)
             .map(|step| (f64::from(step) + 0.5) / f64::from(steps) - 0.5)

@@ -1,8 +1,8 @@
 //! Reflection of a coil's field at plane layers.
 //!
-//! A component exp(−kz) of the field that meets a layer comes back G times as strong. In a static
-//! field the layers act as impedances in a line of "length" k·thickness, so that any stack of them
-//! is folded from its far end to one reflection coefficient.
+//! A layer reflects a component exp(−kz) of the field G times as strong. In a static field the
+//! layers act as impedances in a line of "length" k·thickness, so any stack of layers folds from
+//! its far end to one reflection coefficient.
 
 /// Reflection at a half-space of relative permeability `mu`, seen from air: 0.574 at 3.7.
 #[must_use]
@@ -17,12 +17,13 @@ pub fn slab(mu: f64, thickness_m: f64, k: f64) -> f64 {
     backed_slab(mu, thickness_m, k, 0.0)
 }
 
-/// Reflection at a slab behind whose back face something reflects with `behind`, seen from the air
-/// at that face (−1 for an ideal conductor that touches it).
+/// Reflection at a slab with a reflection `behind` at its back face, seen from the air at that face
+/// (−1 for an ideal conductor that touches it).
 #[must_use]
 pub fn backed_slab(mu: f64, thickness_m: f64, k: f64, behind: f64) -> f64 {
     let front = interface(mu);
-    // back face, seen from inside the slab: the front's with the sign turned, and what is behind it
+    // Back face, seen from inside the slab: the front's reflection with its sign reversed, combined
+    // with `behind`.
     let back = (behind - front) / (1.0 - front * behind);
     let returned = back * libm::exp(-2.0 * k * thickness_m);
     (front + returned) / (1.0 + front * returned)
@@ -34,13 +35,13 @@ pub fn conductor_behind_air(air_m: f64, k: f64) -> f64 {
     -libm::exp(-2.0 * k * air_m)
 }
 
-/// What a coil gains from layers on one side at the gap `gap_m`: F = G e^(−2kd).
+/// Gain of a coil from layers on one side at the gap `gap_m`: F = G e^(−2kd).
 #[must_use]
 pub fn one_side(reflection: f64, gap_m: f64, k: f64) -> f64 {
     reflection * libm::exp(-2.0 * k * gap_m)
 }
 
-/// What a coil gains from layers on both sides, each given as [`one_side`]:
+/// Gain of a coil from layers on both sides, each given as [`one_side`]:
 /// F = (1+G1')(1+G2')/(1−G1'G2') − 1.
 #[must_use]
 pub fn both_sides(one: f64, other: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! The sensing coil: a planar spiral between slabs of MSE, and the tank that it makes.
+//! The sensing coil: a planar spiral between slabs of MSE, and the tank of coil and capacitor.
 //!
 //! The inductance follows from the field of circular filaments between plane layers, which has a
 //! closed form under a Hankel transform (SOURCES.md section 5):
@@ -25,7 +25,7 @@ pub(crate) const MU_0: f64 = 4e-7 * PI;
 /// Thickness of the coil's copper, m (35 µm, the commonest on flexible boards; guess).
 const COPPER_M: f64 = 35e-6;
 
-/// On how many sides of the coil there is MSE.
+/// Sides of the coil with MSE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
     /// A slab on one side, at the gap d.
@@ -43,11 +43,11 @@ pub struct CoilDesign {
     pub inner_diameter_m: f64,
     /// Number of turns, 1 to 200.
     pub turns: u32,
-    /// Where the MSE is.
+    /// Sides with MSE.
     pub sides: Sides,
     /// Thickness of each slab, m, 0.1 mm to 50 mm.
     pub slab_m: f64,
-    /// Distance from the turns to each slab with nothing pressed, m, 0.1 mm to 3 mm.
+    /// Distance from the turns to each slab without load, m, 0.1 mm to 3 mm.
     pub gap_at_rest_m: f64,
     /// Relative permeability of the MSE at the tank's frequency: 3.7 for about 30 % of carbonyl
     /// iron by volume (published; SOURCES.md section 1).
@@ -93,22 +93,22 @@ impl CoilDesign {
         filaments::inductance_h(&radii_m, (0.5 * self.pitch_m(), COPPER_M))
     }
 
-    /// The same with tracks of a width, m, above zero and at most the pitch, in each pair of turns too. Of
-    /// the reference's tracks it is 0.2 % more.
+    /// Inductance without MSE, H, with tracks of a width, m, above zero and at most the pitch, in
+    /// each pair of turns too. For the reference's tracks it is 0.2 % more.
     #[must_use]
     pub fn inductance_of_tracks_in_air_h(&self, width_m: f64) -> f64 {
         let radii_m: Vec<f64> = self.radii_m().collect();
         filaments::inductance_of_tracks_h(&radii_m, (width_m, COPPER_M))
     }
 
-    /// Why the design makes no sense, if it does not.
+    /// Checks the ranges of the design.
     ///
     /// # Errors
     /// [`DesignError`] names the first quantity out of range and its range.
     pub fn check(&self) -> Result<(), DesignError> {
         let millimetres = |quantity, value_m: f64, least_mm: f64, most_mm: f64| {
             let value = value_m * 1e3;
-            // the ends of the range are meant to be in it, in spite of the factor's rounding
+            // The ends of the range are included, despite rounding of the factor.
             let within = value >= least_mm * (1.0 - 1e-12) && value <= most_mm * (1.0 + 1e-12);
             DesignError::unless(within, quantity, value, least_mm, most_mm)
         };
@@ -124,16 +124,16 @@ impl CoilDesign {
     }
 }
 
-/// What is wrong with a [`CoilDesign`].
+/// A quantity of a [`CoilDesign`] that is out of range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DesignError {
-    /// The quantity, with its unit.
+    /// Name of the quantity, with its unit.
     pub quantity: &'static str,
-    /// What it is.
+    /// Rejected value.
     pub value: f64,
-    /// The least it may be.
+    /// Least allowed value.
     pub min: f64,
-    /// The most it may be.
+    /// Greatest allowed value.
     pub max: f64,
 }
 

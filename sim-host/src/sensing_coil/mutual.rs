@@ -1,12 +1,12 @@
 //! Mutual inductance of the drive coils and the sensing coil, through a plane of copper.
 //!
-//! Coaxial turns couple as M = μ0 π Σᵢ Σⱼ aᵢ bⱼ ∫₀^∞ J1(k aᵢ) J1(k bⱼ) e^(−k zⱼ) T(k) dk. A plane of
-//! conductivity σ and thickness t lets the part
+//! Coaxial turns couple as M = μ0 π Σᵢ Σⱼ aᵢ bⱼ ∫₀^∞ J1(k aᵢ) J1(k bⱼ) e^(−k zⱼ) T(k) dk. A plane
+//! of conductivity σ and thickness t transmits the part
 //!
 //! T(k) = 1/[cosh γt + ½ (γ/k + k/γ) sinh γt],  γ² = k² + jωμ0σ
 //!
-//! of a component pass (boundary conditions of A at both faces). It is taken as infinite; magnetic
-//! elastomer is left out, which raises mutual and own inductance of the drive coils alike.
+//! of a component (boundary conditions of A at both faces). The plane is infinite. Magnetic
+//! elastomer is left out; it raises mutual and own inductance of the drive coils alike.
 
 use core::f64::consts::{PI, TAU};
 

@@ -1,4 +1,4 @@
-//! The tank: the coil with its capacitor, as the converter sees it.
+//! The tank: the coil with its capacitor, as the converter measures it.
 
 use core::f64::consts::TAU;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ pub const BENDING_M2: f64 = 6.5e-6;
 /// Distance of the actuated layer's copper from the coil's turns, m (SOURCES.md section 3).
 pub const COPPER_M: f64 = 5e-3;
 
-/// What the tank is made of.
+/// Parameters of the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TankParameters {
     /// The coil.
@@ -25,18 +25,18 @@ pub struct TankParameters {
     pub capacitance_f: f64,
     /// Temperature coefficient of the capacitance, 1/K, ±10⁻³ at most.
     pub capacitance_per_kelvin: f64,
-    /// Curvature of the coil for each metre that the layer is pressed, 1/m². The coil bends with
-    /// the layer; the stack files are silent, and this is drawn for a radius of 50 mm or more at
-    /// full press depth (guess).
+    /// Curvature of the coil per metre of displacement of the layer, 1/m². The coil bends with the
+    /// layer. The stack files do not give it; the draw has a radius of 50 mm or more at full press
+    /// depth (guess).
     pub curvature_per_m: f64,
     /// Whether the actuated layer's copper lies under the coil, at [`COPPER_M`].
     pub copper: bool,
 }
 
-/// State of the layer on which the frequency depends.
+/// State of the layer that determines the frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TankState {
-    /// Displacement of the sensing layer with what the field adds to it in appearance, m.
+    /// Displacement of the sensing layer plus the apparent displacement by the field, m.
     pub apparent_m: f64,
     /// True displacement of the sensing layer, m.
     pub displacement_m: f64,
@@ -44,11 +44,11 @@ pub struct TankState {
     pub warmer_k: f64,
     /// Distance of the load's face from the upper slab, m.
     pub opening_m: f64,
-    /// What is left of the face's reflection: 1 without actuating field.
+    /// Remaining share of the face's reflection: 1 without actuating field.
     pub object: f64,
 }
 
-/// Resonance of the tank, with its slopes in each quantity of [`TankState`].
+/// Resonance of the tank, with its slope in each quantity of [`TankState`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Resonance {
     /// Frequency, Hz.
@@ -61,7 +61,7 @@ pub struct Resonance {
     pub per_kelvin: f64,
     /// Slope in the distance of the load's face, Hz/m.
     pub per_opening: f64,
-    /// Slope in what is left of its reflection, Hz.
+    /// Slope in the remaining share of the reflection, Hz.
     pub per_object: f64,
 }
 
@@ -69,16 +69,16 @@ pub struct Resonance {
 #[derive(Clone, Debug)]
 pub struct SensingTank {
     curve: Arc<CoilCurve>,
-    /// The coil before a load whose face reflects its field.
+    /// Curve of the coil before a load whose face reflects its field.
     facing: Option<Arc<CoilCurve>>,
     parameters: TankParameters,
-    /// Loss of inductance for a displacement, 1/m².
+    /// Loss of inductance per displacement, 1/m².
     bending_per_m2: f64,
     series_resistance_ohm: f64,
 }
 
 impl SensingTank {
-    /// The tank; its coil's curve is built if it is not known yet.
+    /// A tank; builds the coil's curve if it is not known yet.
     #[must_use]
     pub fn new(parameters: &TankParameters) -> Self {
         let copper_m = parameters.copper.then_some(COPPER_M);
@@ -93,8 +93,8 @@ impl SensingTank {
         }
     }
 
-    /// The same before a load whose face reflects the coil's field so much (see
-    /// [`super::integral::CoilIntegral::facing`]); zero is none.
+    /// Adds a load whose face reflects the coil's field (see
+    /// [`super::integral::CoilIntegral::facing`]); zero means no such load.
     #[must_use]
     pub fn facing(self, reflection: f64) -> Self {
         let copper_m = self.parameters.copper.then_some(COPPER_M);
@@ -107,7 +107,7 @@ impl SensingTank {
     /// Resonance in a state of the layer: f = 1/(2π √(LC)).
     ///
     /// Each slab comes closer by the layer's displacement: gap = gap at rest − apparent
-    /// displacement, which is how SOURCES.md section 5 counts its sensitivities.
+    /// displacement. The sensitivities of SOURCES.md section 5 count the same way.
     #[must_use]
     pub fn resonance(&self, state: &TankState) -> Resonance {
         let gap_m = self.parameters.coil.gap_at_rest_m - state.apparent_m;
@@ -132,9 +132,9 @@ impl SensingTank {
         }
     }
 
-    /// What the load's face adds to the inductance, H, and its slope against the distance, H/m. The distance is that
-    /// of the gap and of the air before the face together, as if the slab came with the face: exact when it touches,
-    /// and within 7, 21 and 29 % of what it adds where it is 0.2, 1 and 3 mm away.
+    /// Contribution of the load's face to the inductance, H, and its slope in the distance, H/m.
+    /// The distance is the gap plus the air before the face, as if the slab moved with the face:
+    /// exact in contact, and within 7, 21 and 29 % of the contribution at 0.2, 1 and 3 mm.
     fn object(&self, distance_m: f64) -> (f64, f64) {
         let Some(facing) = &self.facing else {
             return (0.0, 0.0);
@@ -143,7 +143,7 @@ impl SensingTank {
         (with.0 - without.0, with.1 - without.1)
     }
 
-    /// Inductance for a displacement of the layer with no field, H.
+    /// Inductance for a displacement of the layer without field, H.
     #[must_use]
     pub fn inductance_h(&self, displacement_m: f64) -> f64 {
         let gap_m = self.parameters.coil.gap_at_rest_m - displacement_m;
@@ -151,7 +151,7 @@ impl SensingTank {
         self.curve.at(gap_m).0 * straight
     }
 
-    /// Quality factor at a frequency. The series resistance is that which gives
+    /// Quality factor at a frequency. The series resistance is the one that gives
     /// [`QUALITY_IN_AIR`], at any gap: losses in the MSE are not modelled.
     #[must_use]
     pub fn quality_factor(&self, frequency_hz: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! The file of disturbances: what every stack suffers, all at once.
+//! The file of disturbances, which act on every stack at once.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use super::quantity::{Allowed, Quantity};
 use super::{LoadError, read};
 use crate::sensing_coil::{CoilDesign, Sides};
 
-/// Ranges of all disturbances, in the sections of the file.
+/// Ranges of all disturbances, by section of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disturbances {
     /// Growth of the crosstalk with the press, relative for one press depth, ±0.9.
@@ -26,7 +26,7 @@ pub struct Disturbances {
     pub ldc: LdcRanges,
     /// Drive and measurement of the coil's current.
     pub current_chain: CurrentChainRanges,
-    /// Who or what presses.
+    /// The press.
     pub press: PressRanges,
     /// The bench on which an instrument is calibrated.
     pub calibration_rig: RigRanges,
@@ -37,7 +37,7 @@ pub struct Disturbances {
 /// `[creep]`: each spring of the sensor has three modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CreepRanges {
-    /// Share of the spring's own displacement that a mode adds in the long run, 0 to 1.
+    /// Long-term displacement of a mode, as a share of the spring's own, 0 to 1.
     pub amplitude: Quantity,
     /// Time constants of the fast, the middle and the slow mode, s, 1 ms to 10⁶.
     pub tau_s: [Quantity; 3],
@@ -113,18 +113,18 @@ pub struct CurrentChainRanges {
 pub struct PressRanges {
     /// Amplitude of a stand's vibration, m, 0 to 10⁻³.
     pub vibration_amplitude_m: Quantity,
-    /// Its frequency, Hz, 0.1 to 200.
+    /// Frequency of the vibration, Hz, 0.1 to 200.
     pub vibration_hz: Quantity,
     /// Amplitude of a hand's tremor, m, 0 to 10⁻³.
     pub hand_tremor_amplitude_m: Quantity,
-    /// Its frequency, Hz, 0.1 to 100.
+    /// Frequency of the tremor, Hz, 0.1 to 100.
     pub hand_tremor_hz: Quantity,
 }
 
 /// `[calibration_rig]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigRanges {
-    /// The rig's own spring, N/m, 10³ to 10⁹.
+    /// Spring constant of the rig's frame, N/m, 10³ to 10⁹.
     pub frame_spring_n_per_m: Quantity,
     /// Noise of the load cell, N rms, 0 to 1.
     pub load_cell_noise_n: Quantity,
@@ -136,7 +136,7 @@ pub struct RigRanges {
     pub spring_tolerance: Quantity,
 }
 
-/// The form of `[tank] coil`.
+/// Form of `[tank] coil`.
 const COIL_FORM: &str = "\"do 14 mm, di 4 mm, 25 turns, MSE on both sides, slabs 2 mm, \
                          gap 1 mm at rest\", with other numbers, or MSE on one side";
 
@@ -155,14 +155,14 @@ const SECTIONS: [&str; 11] = [
     "load",
 ];
 
-/// The only key of `[load]`.
+/// Only key of `[load]`.
 const RATIOS: &str = "ratio_to_sensing_spring";
 
 impl Disturbances {
-    /// The file that comes with the crate.
+    /// The file in this crate.
     ///
     /// # Errors
-    /// Never, unless that file is broken, which a test excludes.
+    /// Never, except for a broken file in the crate, which a test excludes.
     pub fn builtin() -> Result<Self, FileError> {
         Self::parse(
             "disturbances.toml",
@@ -179,7 +179,7 @@ impl Disturbances {
         Ok(Self::parse(&path.display().to_string(), &text)?)
     }
 
-    /// Reads a text; `file` is only for messages.
+    /// Parses a text; `file` appears only in messages.
     ///
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
@@ -399,9 +399,9 @@ fn coil(text: &str) -> Result<CoilDesign, String> {
     Ok(design)
 }
 
-/// Millimetres between two words, as metres.
+/// Millimetres between two words, converted to metres.
 fn metres(text: &str, before: &str, after: &str) -> Result<f64, String> {
-    // a quotient, not a product with 1e-3: it is the nearest number to what is written
+    // A quotient, not a product with 1e-3: it is the nearest number to the written one.
     amid::<f64>(text, before, after).map(|millimetres| millimetres / 1e3)
 }
 

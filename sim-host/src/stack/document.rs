@@ -1,5 +1,5 @@
-//! TOML read strictly: a key that is unknown, twice there or missing, a value of the wrong kind or
-//! out of range is an error that names file, line, key and what is allowed.
+//! Strict TOML reader: an unknown, repeated or missing key, a value of the wrong kind or out of
+//! range is an error that names file, line, key and allowed values.
 
 use core::fmt;
 use core::ops::Range;
@@ -10,18 +10,18 @@ use toml::de::{DeTable, DeValue};
 
 use super::quantity::{Allowed, Quantity};
 
-/// Why a file was refused.
+/// Error in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileError {
-    /// The file, as its reader named it.
+    /// Name of the file, as its reader gave it.
     pub file: String,
     /// Line, counted from 1.
     pub line: usize,
-    /// The key, with its section before a dot; empty where the text is no TOML.
+    /// The key, with its section before a dot; empty if the text is not TOML.
     pub key: String,
-    /// What is wrong.
+    /// Description of the error.
     pub problem: String,
-    /// What would be right; empty where that is the grammar of TOML.
+    /// Allowed values; empty for an error of TOML syntax.
     pub allowed: String,
 }
 
@@ -41,7 +41,7 @@ impl fmt::Display for FileError {
 
 impl core::error::Error for FileError {}
 
-/// The text of a file's bytes, without a byte order mark before it. `file` is only for messages.
+/// Text of a file's bytes, without a leading byte order mark. `file` appears only in messages.
 ///
 /// # Errors
 /// [`FileError`] with the line at which it is not UTF-8.
@@ -66,7 +66,7 @@ pub fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
     Ok(text.strip_prefix('\u{FEFF}').unwrap_or(&text).to_owned())
 }
 
-/// A text with its name, to find lines by offsets.
+/// A text with its name, which finds lines by offset.
 #[derive(Clone, Copy, Debug)]
 struct Source<'t> {
     file: &'t str,
@@ -97,8 +97,8 @@ struct TableEntry<'t> {
     value: Spanned<DeValue<'t>>,
 }
 
-/// A table that is being read. The keys that it may hold are given at its opening, so that a key
-/// with a typing error or in another unit is reported as unknown, and not the right one as missing.
+/// A table that is being read. The allowed keys are given when it is opened, so a misspelt key or
+/// one in another unit is reported as unknown, and the right one is not reported as missing.
 #[derive(Debug)]
 pub struct TableSection<'t> {
     source: Source<'t>,
@@ -109,10 +109,10 @@ pub struct TableSection<'t> {
 }
 
 impl<'t> TableSection<'t> {
-    /// The whole of a text, with the keys that it may hold. `file` is only for messages.
+    /// Parses a whole text, with its allowed keys. `file` appears only in messages.
     ///
     /// # Errors
-    /// [`FileError`] where the text is no TOML or has an unknown key.
+    /// [`FileError`] if the text is not TOML or has an unknown key.
     pub fn parse(file: &'t str, text: &'t str, keys: &[&str]) -> Result<Self, FileError> {
         let source = Source { file, text };
         let table = DeTable::parse(text).map_err(|error| {
@@ -148,7 +148,7 @@ impl<'t> TableSection<'t> {
         Ok(section)
     }
 
-    /// Refuses the first key that is not among the known ones.
+    /// Refuses the first key that is not allowed.
     fn refuse_unknown(&self, keys: &[&str]) -> Result<(), FileError> {
         let unknown = self
             .entries
@@ -165,10 +165,11 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// Refuses a table without some of these keys, each with what it may be. `remedy` is where all are to be found.
+    /// Refuses a table without any of these keys, each given with its allowed values. `remedy` says
+    /// where to find all keys.
     ///
     /// # Errors
-    /// [`FileError`] with every key that is missing.
+    /// [`FileError`] with every missing key.
     pub(super) fn require(&self, keys: &[(&str, String)], remedy: &str) -> Result<(), FileError> {
         let missing: Vec<_> = keys.iter().filter(|(key, _)| !self.has(key)).collect();
         if missing.is_empty() {
@@ -213,10 +214,10 @@ impl<'t> TableSection<'t> {
         Err(self.source.error(span, &key, problem, allowed.to_string()))
     }
 
-    /// A table within this one, with the keys that it may hold.
+    /// A table within this one, with its allowed keys.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, no table, or has an unknown key.
+    /// [`FileError`] if it is missing, not a table, or has an unknown key.
     pub fn section(&mut self, key: &str, keys: &[&str]) -> Result<Self, FileError> {
         let allowed = format!("a section [{key}]");
         let value = self.take(key, &allowed)?;
@@ -236,10 +237,10 @@ impl<'t> TableSection<'t> {
         self.entries.iter().any(|entry| entry.key == key)
     }
 
-    /// A list of tables, `[[key]]` each, not empty, with the keys that each may hold.
+    /// A list of tables, `[[key]]` each, not empty, with the allowed keys of each.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, empty, no list of tables, or one has an unknown key.
+    /// [`FileError`] if it is missing, empty, not a list of tables, or one has an unknown key.
     pub fn sections(&mut self, key: &str, keys: &[&str]) -> Result<Vec<Self>, FileError> {
         let allowed = format!("one section [[{key}]] or more");
         let value = self.take(key, &allowed)?;
@@ -261,10 +262,10 @@ impl<'t> TableSection<'t> {
         items.into_iter().map(section).collect()
     }
 
-    /// A list of texts, each of which `parse` makes something of.
+    /// A list of texts, each converted by `parse`.
     ///
     /// # Errors
-    /// [`FileError`] with what `parse` says, or if it is missing or no list of texts.
+    /// [`FileError`] with the message of `parse`, or if it is missing or not a list of texts.
     pub fn texts<T>(
         &mut self,
         key: &str,
@@ -289,7 +290,7 @@ impl<'t> TableSection<'t> {
     /// A number within a range.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, no number, or out of the range.
+    /// [`FileError`] if it is missing, not a number, or out of range.
     pub fn number_within(&mut self, key: &str, allowed: &Allowed) -> Result<f64, FileError> {
         let value = self.take(key, allowed.bounds())?;
         let span = value.span();
@@ -300,10 +301,10 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// A text that is not empty, without a character that a terminal applies.
+    /// A text that is not empty and has no control character.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, empty, no text, or has a control character.
+    /// [`FileError`] if it is missing, empty, not a text, or has a control character.
     pub fn text(&mut self, key: &str) -> Result<String, FileError> {
         self.parsed(key, "a text", |text| {
             if text.is_empty() {
@@ -316,10 +317,10 @@ impl<'t> TableSection<'t> {
         })
     }
 
-    /// A text that `parse` makes something of.
+    /// A text, converted by `parse`.
     ///
     /// # Errors
-    /// [`FileError`] with what `parse` says, or if it is missing or no text.
+    /// [`FileError`] with the message of `parse`, or if it is missing or not a text.
     pub fn parsed<T>(
         &mut self,
         key: &str,
@@ -339,7 +340,7 @@ impl<'t> TableSection<'t> {
     /// A quantity in any of the forms of [`Quantity`], within a range.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, in no such form, or reaches out of the range.
+    /// [`FileError`] if it is missing, in no such form, or extends out of the range.
     pub fn quantity(&mut self, key: &str, allowed: &Allowed) -> Result<Quantity, FileError> {
         let value = self.take(key, allowed)?;
         let span = value.span();
@@ -356,7 +357,7 @@ impl<'t> TableSection<'t> {
     /// A list of numbers, not empty, each within a range.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, empty, no list of numbers, or one is out of range.
+    /// [`FileError`] if it is missing, empty, not a list of numbers, or one is out of range.
     pub fn numbers(&mut self, key: &str, allowed: &Allowed) -> Result<Vec<f64>, FileError> {
         let list = format!("a list of numbers, each {}", allowed.bounds());
         let value = self.take(key, &list)?;
@@ -377,7 +378,7 @@ impl<'t> TableSection<'t> {
             .collect()
     }
 
-    /// The forms `{ nominal, spread }`, `{ min, max }` and `{ log_min, log_max }`.
+    /// Parses the forms `{ nominal, spread }`, `{ min, max }` and `{ log_min, log_max }`.
     fn range(
         &self,
         key: &str,
@@ -426,7 +427,7 @@ impl<'t> TableSection<'t> {
     }
 }
 
-/// What a value is, where something else was expected.
+/// Name of a value's kind, for messages about a wrong kind.
 fn kind(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("is the text {text:?}"),

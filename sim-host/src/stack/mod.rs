@@ -1,7 +1,7 @@
 //! The reference plants: stack files and the file of disturbances.
 //!
-//! `stacks/` holds this crate's own copy of the frozen plants. Each quantity is read strictly (see
-//! [`document`]) and limited to a range in which the model makes sense, wider than any real sensor.
+//! `stacks/` has this crate's own copy of the frozen plants. Each quantity is read strictly (see
+//! [`document`]) and limited to a range in which the model is valid, wider than any real sensor.
 
 pub mod disturbances;
 pub mod document;
@@ -15,7 +15,7 @@ pub use disturbances::Disturbances;
 use document::{FileError, TableSection};
 use quantity::{Allowed, Quantity};
 
-/// A kind of sensor: its nominal values and how far single sensors differ.
+/// A kind of sensor: its nominal values and the spread between single sensors.
 ///
 /// ```
 /// use palpate_sim::stack::Stack;
@@ -51,18 +51,18 @@ pub struct Stack {
     pub coil_resistance_ohm: Quantity,
     /// Inductance of the actuating coils, H, 10⁻⁷ to 1.
     pub coil_inductance_h: Quantity,
-    /// How far the sensing layer is meant to be pressed, m, 1 µm to 0.8 mm.
+    /// Intended displacement of the sensing layer, m, 1 µm to 0.8 mm.
     pub press_depth_of_sensing_layer_m: Quantity,
 }
 
-/// A key of a stack file that stands for a quantity.
+/// A key of a stack file that denotes a quantity.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
-    /// Its name, with the unit at its end.
+    /// Name, ending with the unit.
     pub name: &'static str,
-    /// What it may be.
+    /// Allowed values.
     pub allowed: Allowed,
-    /// What it means.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
@@ -137,7 +137,7 @@ const PRESS_DEPTH: Key = Key::new(
 );
 
 impl Stack {
-    /// The keys of its file, beside `name`.
+    /// Keys of its file, besides `name`.
     pub const KEYS: [Key; 11] = [
         SENSING_SPRING,
         ACTUATED_SPRING,
@@ -151,7 +151,7 @@ impl Stack {
         COIL_INDUCTANCE,
         PRESS_DEPTH,
     ];
-    /// Names of the stacks that come with the crate.
+    /// Names of the stacks in this crate.
     pub const BUILTIN: [&'static str; 3] = ["paper", "soft-closed", "ultrasoft"];
 
     /// One of [`Stack::BUILTIN`].
@@ -200,7 +200,7 @@ impl Stack {
         Ok(Self::parse(&path.display().to_string(), &text)?)
     }
 
-    /// Reads a text; `file` is only for messages.
+    /// Parses a text; `file` appears only in messages.
     ///
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
@@ -227,7 +227,7 @@ impl Stack {
         })
     }
 
-    /// Its quantities, in the order of [`Stack::KEYS`].
+    /// Quantities, in the order of [`Stack::KEYS`].
     #[must_use]
     pub const fn quantities(&self) -> [Quantity; 11] {
         [
@@ -245,7 +245,7 @@ impl Stack {
         ]
     }
 
-    /// Its file, with the meaning, unit and range of each key.
+    /// Text of its file, with the meaning, unit and range of each key.
     #[must_use]
     pub fn file(&self) -> String {
         let name = self.name.replace('\\', "\\\\").replace('"', "\\\"");
@@ -262,26 +262,26 @@ impl Stack {
     }
 }
 
-/// What a file begins with.
+/// Heading of a stack file.
 const HEADING: &str = "\
 # A kind of sensor. A number is the same for all sensors of the kind, a range is what single ones are drawn from:
 # { nominal, spread } evenly within nominal * (1 +- spread), { min, max } evenly, { log_min, log_max } evenly in the
 # logarithm.
 ";
-/// Where there is a whole file.
+/// Hint where to find a whole file.
 const TEMPLATE: &str = "`palpate stack show ultrasoft` prints a whole file";
 
-/// Why a file could not be loaded.
+/// Error of loading a file.
 #[derive(Debug)]
 pub enum LoadError {
     /// The file cannot be read.
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// What is in it is refused.
+    /// The content is refused.
     Refused(FileError),
 }
 
@@ -307,7 +307,7 @@ fn is_file(name: &str) -> bool {
     ending.is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
-/// What may name a stack.
+/// Valid names of a stack, for messages.
 pub(crate) fn names() -> String {
     format!(
         "{}, or a file that ends in .toml",
@@ -315,7 +315,7 @@ pub(crate) fn names() -> String {
     )
 }
 
-/// A name of a stack; else what is wrong with it.
+/// Returns a valid stack name, or a message.
 pub(crate) fn checked_name(name: &str) -> Result<String, String> {
     if is_file(name) || Stack::BUILTIN.contains(&name) {
         return Ok(name.to_owned());
@@ -323,10 +323,10 @@ pub(crate) fn checked_name(name: &str) -> Result<String, String> {
     Err(format!("there is no built-in stack {name:?}"))
 }
 
-/// Most bytes of a stack or a scenario: a thousand times one of them.
+/// Size limit of a stack or scenario file, bytes: a thousand times a usual one.
 const MOST_BYTES: u64 = 2_000_000;
 
-/// The text of a file, of which at most `MOST_BYTES` are read: a device may never end.
+/// Reads a text file of at most `MOST_BYTES`: a device file may never end.
 pub(crate) fn read(path: &Path) -> Result<String, LoadError> {
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path);

@@ -1,13 +1,13 @@
-//! A quantity that differs from plant to plant, and the range that it must keep to.
+//! A quantity that differs between plants, and its allowed range.
 
 use core::fmt;
 
 use crate::random::Stream;
 
-/// How a quantity is drawn.
+/// Distribution of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Always the same: `x = 5.0`.
+    /// A constant: `x = 5.0`.
     Fixed(f64),
     /// Uniform in nominal · (1 ± spread): `x = { nominal, spread }`.
     Spread {
@@ -18,16 +18,16 @@ pub enum Quantity {
     },
     /// Uniform: `x = { min, max }`.
     Uniform {
-        /// The least.
+        /// Least value.
         min: f64,
-        /// The most.
+        /// Greatest value.
         max: f64,
     },
     /// Log-uniform: `x = { log_min, log_max }`.
     LogUniform {
-        /// The least, above zero.
+        /// Least value, above zero.
         min: f64,
-        /// The most.
+        /// Greatest value.
         max: f64,
     },
 }
@@ -46,7 +46,7 @@ impl Quantity {
         }
     }
 
-    /// The middle of the range: the median of what is drawn.
+    /// Centre of the range: the median of the draws.
     #[must_use]
     pub fn centre(&self) -> f64 {
         match *self {
@@ -57,7 +57,7 @@ impl Quantity {
         }
     }
 
-    /// The least and the most that can be drawn.
+    /// Least and greatest value that can be drawn.
     #[must_use]
     pub fn range(&self) -> (f64, f64) {
         match *self {
@@ -70,7 +70,7 @@ impl Quantity {
         }
     }
 
-    /// What is wrong with it, if anything is.
+    /// Checks the quantity against its allowed range; the error is a message.
     pub(super) fn check(&self, allowed: &Allowed) -> Result<(), String> {
         if let Self::Spread { nominal, spread } = *self
             && !(0.0..1.0).contains(&spread)
@@ -88,7 +88,7 @@ impl Quantity {
         if min > max {
             return Err(format!("the least, {min}, is above the most, {max}"));
         }
-        // written so that NaN fails
+        // Written so that NaN fails.
         for end in [min, max] {
             if !(end >= allowed.min && end <= allowed.max) {
                 return Err(format!("{end} is out of range"));
@@ -98,7 +98,7 @@ impl Quantity {
     }
 }
 
-/// As in a file.
+/// Formats the quantity as in a file.
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -122,12 +122,12 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// The range that a quantity must keep to, with its unit.
+/// Allowed range of a quantity, with its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
-    /// The least.
+    /// Least value.
     pub min: f64,
-    /// The most.
+    /// Greatest value.
     pub max: f64,
     /// The unit, for messages; empty for a pure number.
     pub unit: &'static str,
@@ -142,7 +142,7 @@ impl Allowed {
 }
 
 impl Allowed {
-    /// The range without the forms in which a quantity may be given.
+    /// The range without the allowed forms of a quantity.
     #[must_use]
     pub fn bounds(&self) -> String {
         let space = if self.unit.is_empty() { "" } else { " " };
@@ -158,7 +158,7 @@ impl fmt::Display for Allowed {
     }
 }
 
-/// A number as one would write it.
+/// A number in its usual notation.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         value.to_string()

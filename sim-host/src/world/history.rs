@@ -1,10 +1,10 @@
-//! The recent past of frequency and current, which the converter reads.
+//! Recent frequency and current, which the converter reads.
 
 use std::collections::VecDeque;
 
 use ldc161x_sim::Time;
 
-/// How far back the world answers, s: longer than the longest conversion, 16 · 65 535 periods of a
+/// Time span of the history, s: longer than the longest conversion, 16 · 65 535 periods of a
 /// reference of 2 MHz.
 const KEPT: Time = Time::from_ms(600);
 
@@ -15,13 +15,13 @@ pub(super) struct HistorySegment {
     end: Time,
     start_s: f64,
     duration_s: f64,
-    /// Cubic of the frequency in the share of the step that has passed, Hz.
+    /// Cubic of the frequency in the elapsed share of the step, Hz.
     frequency: [f64; 4],
     current_a: (f64, f64),
 }
 
 impl HistorySegment {
-    /// A cubic through frequency, Hz, and rate, Hz/s, at both ends (Hermite), and a straight current.
+    /// A cubic through frequency, Hz, and rate, Hz/s, at both ends (Hermite), and a linear current.
     pub(super) fn new(
         (start, end): (Time, Time),
         current_a: (f64, f64),
@@ -66,7 +66,7 @@ impl HistorySegment {
     }
 }
 
-/// Segments that follow each other without gaps.
+/// Consecutive segments without gaps.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
     segments: VecDeque<HistorySegment>,
@@ -77,14 +77,14 @@ impl History {
         self.segments.push_back(segment);
     }
 
-    /// Forgets what begins at `time` or later.
+    /// Drops all segments that start at `time` or later.
     pub(super) fn rewind(&mut self, time: Time) {
         while self.segments.back().is_some_and(|last| last.start >= time) {
             self.segments.pop_back();
         }
     }
 
-    /// Forgets what is too old to be read.
+    /// Drops segments that are too old to be read.
     pub(super) fn forget_before(&mut self, now: Time) {
         while self
             .segments
@@ -95,14 +95,14 @@ impl History {
         }
     }
 
-    /// Frequency at a time, Hz; nothing after the last segment, and the oldest one known before the
-    /// first.
+    /// Frequency at a time, Hz; `None` after the last segment. Times before the first segment
+    /// return the oldest known frequency.
     pub(super) fn frequency_hz(&self, time_s: f64) -> Option<f64> {
         let last = self.segments.back()?;
         if time_s > last.end.as_secs_f64() {
             return None;
         }
-        // a query is nearly always for the last few steps
+        // A query is nearly always for the last few steps.
         let recent = self.segments.iter().rev();
         let found = recent.take(8).find(|segment| segment.start_s <= time_s);
         let segment = found.or_else(|| {
@@ -114,7 +114,7 @@ impl History {
         Some(segment.frequency_hz(time_s))
     }
 
-    /// Mean current between two times, A; nothing if they leave no time between them.
+    /// Mean current between two times, A; `None` for an empty interval.
     pub(super) fn mean_current_a(&self, from: Time, to: Time) -> Option<f64> {
         let first = self.segments.front()?;
         let last = self.segments.back()?;

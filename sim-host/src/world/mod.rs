@@ -1,12 +1,13 @@
-//! Everything together, on a virtual clock.
+//! Plant, press and coil current together, on a virtual clock.
 //!
-//! The state moves in steps of at most a millisecond that end wherever an input has a kink. Creep,
-//! lag and heat are advanced by rules that are exact or conserve energy over any step, and the
-//! balance of forces is solved at its end. Between two ends the frequency of the sensing coil is a
-//! cubic, so a converter may read it at any moment.
+//! The state moves in steps of at most a millisecond, which end wherever an input has a kink.
+//! Creep, lag and heat advance by rules that are exact or conserve energy over any step, and the
+//! balance of forces is solved at the end of the step. Between two ends the frequency of the
+//! sensing coil is a cubic, so a converter may read it at any time.
 //!
-//! What happens does not depend on how the caller cuts time: [`World::advance`] by ten times 0.1 ms
-//! or once by 1 ms gives the same bits. Only [`World::set_current`] and its fellows end a step.
+//! The result does not depend on how the caller divides time: [`World::advance`] by ten times 0.1
+//! ms or once by 1 ms gives the same bits. Only [`World::set_current`] and the other inputs end a
+//! step.
 
 mod history;
 mod plant;
@@ -30,10 +31,10 @@ use crate::random::Stream;
 use crate::sensing_coil::interference::Oscillation;
 use crate::switches::Switches;
 
-/// How far a converter may read ahead of the world's clock.
+/// Longest time by which a converter may read ahead of the world's clock.
 const FURTHEST_AHEAD: Time = Time::from_ms(1_000);
 
-/// Who holds the sensor or presses it.
+/// Support of the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Holder {
     /// A stand, which vibrates.
@@ -43,14 +44,14 @@ pub enum Holder {
     Hand,
 }
 
-/// What is done with the plant.
+/// Use of the plant in a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// The object pressed on it.
+    /// Object pressed on the sensor.
     pub load: Load,
-    /// Who presses.
+    /// Stand or hand.
     pub holder: Holder,
-    /// How the press moves.
+    /// Motion of the press.
     pub profile: Profile,
     /// Longest step, 10 µs to 10 ms. The default is 1 ms.
     pub step: Time,
@@ -68,7 +69,7 @@ impl Default for Setup {
     }
 }
 
-/// A plant with its load, its press and its coil current, at a moment of virtual time.
+/// A plant with its load, its press and its coil current, at a virtual time.
 ///
 /// ```
 /// use ldc161x_sim::Time;
@@ -97,7 +98,7 @@ pub struct World {
     plant: Plant,
     inputs: Inputs,
     now: Time,
-    /// The last node at or before now, and all after it.
+    /// The last node at or before now, and all later ones.
     states: VecDeque<PlantState>,
     history: History,
     adc_noise: Stream,
@@ -108,8 +109,8 @@ impl World {
     /// A world at time zero, without current.
     ///
     /// # Errors
-    /// [`ParameterError`] for parameters with which there is no plant, or for a plant whose actuated
-    /// layer its own attraction would pull flat.
+    /// [`ParameterError`] for invalid parameters, or for a plant whose actuated layer its own
+    /// attraction would pull flat.
     pub fn new(
         parameters: &Parameters,
         switches: Switches,
@@ -119,7 +120,7 @@ impl World {
         Self::of(effective, setup)
     }
 
-    /// A world of parameters as they are.
+    /// A world of parameters as given, without switches.
     pub(crate) fn of(parameters: Parameters, setup: Setup) -> Result<Self, ParameterError> {
         parameters.check()?;
         check_setup(&setup)?;
@@ -159,18 +160,18 @@ impl World {
         }
     }
 
-    /// The present.
+    /// Current virtual time.
     #[must_use]
     pub fn now(&self) -> Time {
         self.now
     }
 
-    /// Lets time pass.
+    /// Advances by a duration.
     pub fn advance(&mut self, duration: Time) {
         self.advance_to(self.now + duration);
     }
 
-    /// Lets time pass until `time`; nothing happens if that is past.
+    /// Advances to `time`; a past time changes nothing.
     pub fn advance_to(&mut self, time: Time) {
         self.now = self.now.max(time);
         self.extend_to(self.now);
@@ -182,14 +183,16 @@ impl World {
 
     // ---- inputs ----
 
-    /// Sets the coil's current, A, at once. It is limited to the hardware's, 1.5 times the
-    /// stack's peak current, and to what the supply can push; what is no number is none.
+    /// Sets the coil's current, A, at once. It is limited to the hardware limit, 1.5 times the
+    /// stack's peak current, and to the current that the supply can drive. NaN and infinite values
+    /// count as zero.
     pub fn set_current(&mut self, current_a: f64) {
         self.hold(Command::constant(sound(current_a)));
     }
 
-    /// The same as a circuit outside makes it, whose ripple, root mean square, A, acts in place of
-    /// what this world would compute: as it is, whether the world's own is switched on or not.
+    /// Sets the coil's current, as [`Self::set_current`], with the ripple of an external circuit, A
+    /// rms, in place of the computed ripple. It acts whether the world's own ripple is enabled or
+    /// not.
     pub fn set_current_with_ripple(&mut self, mean_a: f64, ripple_a: f64) {
         self.hold(Command::rippling(sound(mean_a), sound(ripple_a)));
     }
@@ -200,13 +203,13 @@ impl World {
         }
     }
 
-    /// Moves the coil's current from where it is to `current_a` in a straight line, A.
+    /// Ramps the coil's current linearly from its present value to `current_a`, A.
     pub fn ramp_current(&mut self, current_a: f64, duration: Time) {
         self.follow_current(&[(duration, current_a)]);
     }
 
-    /// Moves the coil's current from where it is through these points, in straight lines: times from
-    /// now on, in their order, and currents, A.
+    /// Moves the coil's current from its present value through these points, in straight lines:
+    /// times from now on, in order, and currents, A.
     pub fn follow_current(&mut self, points: &[(Time, f64)]) {
         self.interrupt(|inputs, now| {
             let from = (now, inputs.command.at(now));
@@ -217,8 +220,8 @@ impl World {
         });
     }
 
-    /// Moves the press from where it is to `position_m` (see [`Profile`]) at a speed, instead of
-    /// what was planned.
+    /// Moves the press from its present position to `position_m` (see [`Profile`]) at a speed, and
+    /// replaces the rest of its profile.
     pub fn move_press(&mut self, position_m: f64, speed_m_per_s: f64) {
         let position_m = sound(position_m);
         self.interrupt(|inputs, now| {
@@ -227,15 +230,15 @@ impl World {
         });
     }
 
-    /// Changes the ambient temperature to so much above that of calibration, K, within the 50 that a plant may have. Whether
-    /// the world's own change is switched on or not.
+    /// Sets the ambient temperature to `change_k` above that of calibration, K, within the allowed
+    /// 50. It acts whether the world's own change is enabled or not.
     pub fn set_ambient(&mut self, change_k: f64) {
         let change_k = sound(change_k).clamp(-50.0, 50.0);
         self.interrupt(|_, _| {});
         self.plant.parameters.thermal.ambient_change_k = change_k;
     }
 
-    /// Ends the step under way at now, changes the inputs, and finds the balance anew.
+    /// Ends the present step now, changes the inputs, and solves the balance again.
     fn interrupt(&mut self, change: impl FnOnce(&mut Inputs, Time)) {
         let before = self.state();
         if let Some(base) = self.states.front() {
@@ -263,8 +266,8 @@ impl World {
         }
     }
 
-    /// The state after the next step. A step in which contact is made or lost ends there, so that
-    /// no step has a kink inside.
+    /// State after the next step. A step in which contact is made or lost ends there, so no step
+    /// has a kink inside.
     fn next_state(&self, last: &PlantState) -> PlantState {
         let end = (last.time + self.plant.usual_step()).min(self.inputs.next_knot(last.time));
         let next = self.plant.step(&self.inputs, last, end);
@@ -290,36 +293,37 @@ impl World {
         touching
     }
 
-    /// The state now.
+    /// Present state.
     fn state(&self) -> PlantState {
         match self.states.front() {
             Some(base) if base.time < self.now => self.plant.step(&self.inputs, base, self.now),
             Some(base) => *base,
-            // there always is one; a plant at rest needs no panic
+            // There is always a state; the plant at rest avoids a panic.
             None => self.plant.at_rest(),
         }
     }
 
-    // ---- what an instrument sees ----
+    // ---- measurements of an instrument ----
 
-    /// Frequency of the sensing coil at a past time, Hz; nothing if that has not been computed yet.
-    /// Times longer ago than 0.6 s get the oldest frequency known.
+    /// Frequency of the sensing coil at a past time, Hz; `None` if it has not been computed yet.
+    /// Times longer ago than 0.6 s return the oldest known frequency.
     #[must_use]
     pub fn frequency_hz(&self, time_s: f64) -> Option<f64> {
         self.history.frequency_hz(time_s)
     }
 
-    /// The same for times up to a second after now too, as they will be if no input changes.
+    /// Frequency as [`Self::frequency_hz`], also for times up to a second ahead, assuming that no
+    /// input changes.
     pub fn frequency_ahead_hz(&mut self, time_s: f64) -> Option<f64> {
-        // one picosecond more, for the rounding of the time
+        // One picosecond more, for the rounding of the time.
         let time = Time::from_secs_f64(time_s) + Time::from_ps(1);
         self.extend_to(time.min(self.now + FURTHEST_AHEAD));
         self.history.frequency_hz(time_s)
     }
 
     /// Cycles that the bridge's switching adds to the oscillation during a conversion (see
-    /// [`crate::sensing_coil::interference`]), with the bridge as it holds the mean current of that time.
-    /// Windows are to come in the order of time.
+    /// [`crate::sensing_coil::interference`]), while the bridge drives the mean current of that
+    /// time. Windows must come in order of time.
     pub fn pulled_cycles(&mut self, window: &Window) -> f64 {
         let span = (window.start_s, window.length_s);
         let [from, to] =
@@ -348,29 +352,29 @@ impl World {
         )
     }
 
-    /// The coil's current as the instrument measures it now, from one sample of the ADC, A.
+    /// Coil current as the instrument measures it now, from one sample of the ADC, A.
     pub fn measured_current_a(&mut self) -> f64 {
         let current_a = self.state().current_a;
         let chain = &self.plant.parameters.current;
         chain.reported_a(current_a, 1, &mut self.adc_noise)
     }
 
-    /// The mean current over a past window as the instrument measures it, from so many samples, A. The
-    /// window may reach back 0.6 s; an empty one gives the current of now.
+    /// Mean current over a past window as the instrument measures it, from `samples` samples, A.
+    /// The window may reach back 0.6 s; an empty one gives the present current.
     pub fn reported_mean_current_a(&mut self, from: Time, to: Time, samples: u32) -> f64 {
         let mean_a = self.mean_current_a(from, to);
         let chain = &self.plant.parameters.current;
         chain.reported_a(mean_a, samples, &mut self.adc_noise)
     }
 
-    /// Root mean square of the ripple that coil and supply make of a mean current now, A.
+    /// Ripple of a mean current under the present coil and supply, A rms.
     #[must_use]
     pub fn ripple_a(&self, mean_a: f64) -> f64 {
         let chain = &self.plant.parameters.current;
         chain.ripple_a(mean_a, self.truth().coil_ohm)
     }
 
-    /// The settings of a converter in this world, with its clock input at `clkin_hz`.
+    /// Settings of a converter in this world, with its clock input at `clkin_hz`.
     #[must_use]
     pub fn chip_settings(&self, clkin_hz: f64) -> Settings {
         let Parameters { seed, ldc, .. } = &self.plant.parameters;
@@ -380,7 +384,7 @@ impl World {
             Settings::ideal().drive
         };
         Settings {
-            // PCG's streams and the chip's own generator are unrelated, so the seed may be shared
+            // PCG's streams and the chip's own generator are unrelated, so they may share the seed.
             seed: *seed,
             temperature_c: self.truth().ambient_c,
             external_clock: Some(ExternalClock {
@@ -399,7 +403,7 @@ impl World {
 
     // ---- ground truth ----
 
-    /// What is truly there now.
+    /// True state at the current time.
     #[must_use]
     pub fn truth(&self) -> Truth {
         Truth::of(&self.plant, &self.state())
@@ -413,7 +417,7 @@ impl World {
             .unwrap_or_else(|| self.state().current_a)
     }
 
-    /// The plant's parameters as they act, with the switches applied.
+    /// Parameters with the switches applied.
     #[must_use]
     pub fn parameters(&self) -> &Parameters {
         &self.plant.parameters
@@ -425,14 +429,14 @@ impl World {
         self.plant.chain.load()
     }
 
-    /// Displacement of the press now as planned, without what shakes it or jumps, m.
+    /// Planned displacement of the press now, without shaking and jumps, m.
     #[must_use]
     pub fn planned_press_m(&self) -> f64 {
         self.inputs.profile.position_m(self.now)
     }
 
-    /// Displacement of the press that presses the sensing layer by `depth_m`, if nothing creeps,
-    /// grows or attracts and no current flows, m.
+    /// Displacement of the press at which the sensing layer is pressed by `depth_m`, without creep,
+    /// growth, attraction and current, m.
     #[must_use]
     pub fn press_for_depth_m(&self, depth_m: f64) -> f64 {
         let parameters = self.parameters();
@@ -442,7 +446,7 @@ impl World {
     }
 }
 
-/// Zero for what is no number.
+/// Zero for NaN and infinite values.
 fn sound(value: f64) -> f64 {
     if value.is_finite() { value } else { 0.0 }
 }
@@ -462,7 +466,7 @@ fn check_setup(setup: &Setup) -> Result<(), ParameterError> {
     }
 }
 
-/// Refuses a plant that the largest current would pull flat, crept and softened as far as it can be.
+/// Refuses a plant that the largest current would pull flat after full creep and softening.
 fn check_stability(parameters: &Parameters, chain: &Chain) -> Result<(), ParameterError> {
     let current_a = HARD_LIMIT * parameters.current.peak_a;
     let attraction_n = parameters.attraction.n_per_a2 * current_a * current_a;

@@ -12,17 +12,17 @@ use crate::parameters::Parameters;
 use crate::sensing_coil::tank::{Resonance, SensingTank, TankState};
 use crate::thermal::ThermalState;
 
-/// What acts on the plant from outside, as functions of time.
+/// External inputs of the plant, as functions of time.
 #[derive(Clone, Debug)]
 pub(super) struct Inputs {
     pub(super) command: Command,
     pub(super) profile: Profile,
-    /// What jumps besides.
+    /// Additional jumps.
     pub(super) jumps: Profile,
 }
 
 impl Inputs {
-    /// The next moment after `time` at which an input has a kink.
+    /// Time of the next kink of an input after `time`.
     pub(super) fn next_knot(&self, time: Time) -> Time {
         let knots = [
             self.command.next_knot(time),
@@ -32,43 +32,44 @@ impl Inputs {
         knots.into_iter().flatten().min().unwrap_or(Time::MAX)
     }
 
-    /// Displacement of the press without what shakes it, m.
+    /// Displacement of the press without shaking, m.
     fn press_m(&self, time: Time) -> f64 {
         self.profile.position_m(time) + self.jumps.position_m(time)
     }
 }
 
-/// Everything that the future depends on.
+/// Full state: the future depends on nothing else but the inputs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PlantState {
     pub(super) time: Time,
     pub(super) current_a: f64,
-    /// What acts by its square: the current with its ripple, root mean square.
+    /// Effective current, A: the root mean square of current and ripple, for effects of its square.
     pub(super) effective_a: f64,
     pub(super) thermal: ThermalState,
     pub(super) play: Play,
     pub(super) stiffening: f64,
     /// ε at the present temperature.
     strength: f64,
-    /// Velocity of what shakes the press, m/s.
+    /// Velocity of the shaking, m/s.
     shaking_m_per_s: f64,
     resonance: Resonance,
     pub(super) conditions: ChainConditions,
     pub(super) chain: ChainState,
     pub(super) energy: Energy,
-    /// Contact is just being made or lost, so the next step may begin on the other side of it.
+    /// Whether contact is just being made or lost, so that the next step may start on the other
+    /// side.
     pub(super) touching: bool,
 }
 
-/// One drawn plant with what can be computed once.
+/// One drawn plant with precomputed quantities.
 #[derive(Clone, Debug)]
 pub(super) struct Plant {
-    /// With the switches applied.
+    /// Parameters with the switches applied.
     pub(super) parameters: Parameters,
     pub(super) chain: Chain,
     pub(super) tank: SensingTank,
     pub(super) shake: Shake,
-    /// The usual length of a step and what remains of the creep after it.
+    /// Usual step length, with the decay factors of the creep.
     usual: (Time, Decays),
 }
 
@@ -95,7 +96,7 @@ impl Plant {
         self.chain.decays(duration.as_secs_f64())
     }
 
-    /// The plant before anything has touched it, at time zero.
+    /// Untouched plant at time zero.
     pub(super) fn at_rest(&self) -> PlantState {
         PlantState {
             thermal: self.parameters.thermal.at_rest(),
@@ -108,8 +109,8 @@ impl Plant {
         }
     }
 
-    /// The state at `to`. With `to` at the state's own time, what follows at once from a jump of the
-    /// inputs: the balance is found anew, while creep, lag and temperatures stay.
+    /// State at `to`. If `to` is the state's own time, this is the immediate effect of a jump of
+    /// the inputs: the balance is solved again, while creep, lag and temperatures stay.
     pub(super) fn step(&self, inputs: &Inputs, from: &PlantState, to: Time) -> PlantState {
         let duration = to - from.time;
         let duration_s = duration.as_secs_f64();
@@ -178,7 +179,7 @@ impl Plant {
             self.saturation(current_a),
         );
         let turned = from.effective_a * current_a < 0.0;
-        // a current that changes its sign passes the point without field
+        // A current that changes its sign passes zero field.
         let play = if turned {
             from.play.follow(0.0)
         } else {
@@ -189,14 +190,14 @@ impl Plant {
         (play, law.relax(from.stiffening, targets, duration_s))
     }
 
-    /// What the sensing layer's displacement seems to be: less the crosstalk
-    /// X (I/I_peak)² (1 + g x_S/depth).
+    /// Apparent displacement of the sensing layer, m: the true one less the crosstalk X (I/I_peak)²
+    /// (1 + g x_S/depth).
     pub(super) fn apparent_m(&self, sensing_m: f64, current_a: f64) -> f64 {
         let (flat_m, slope) = self.crosstalk(current_a);
         sensing_m - flat_m * (1.0 + slope * sensing_m)
     }
 
-    /// What is left of the reflection of the load's face: 1 − s (I/I_peak)².
+    /// Remaining share of the reflection of the load's face: 1 − s (I/I_peak)².
     fn object_part(&self, current_a: f64) -> f64 {
         let relative = current_a / self.parameters.current.peak_a;
         1.0 - self.parameters.object.lost_at_peak * relative * relative
@@ -212,7 +213,7 @@ impl Plant {
         )
     }
 
-    /// The tank's frequency over a step, as a cubic through its values and rates at both ends.
+    /// Frequency of the tank over a step, as a cubic through its values and rates at both ends.
     pub(super) fn segment(
         &self,
         inputs: &Inputs,
@@ -231,7 +232,7 @@ impl Plant {
         )
     }
 
-    /// Rate of the frequency at a node, Hz/s, within a step that begins or ends there.
+    /// Rate of the frequency at a node, Hz/s, within a step that starts or ends there.
     fn frequency_rate(&self, state: &PlantState, slopes: &Slopes) -> f64 {
         let sensing = self.sensing_rate(state, slopes);
         let (flat_m, slope) = self.crosstalk(state.effective_a);
@@ -280,7 +281,7 @@ impl Plant {
     }
 }
 
-/// Mean rates over a step, per second, of what is straight within it or nearly so.
+/// Mean rates over a step, per second, of quantities that are linear or nearly so within it.
 #[derive(Clone, Copy, Debug)]
 struct Slopes {
     current: f64,
@@ -290,10 +291,10 @@ struct Slopes {
     opening: f64,
     pad: f64,
     sensing_spring: f64,
-    /// Whether load and sensor touch: a step that begins where contact is made or lost is on the
-    /// side of its end.
+    /// Whether load and sensor touch: a step that starts where contact is made or lost takes the
+    /// contact state of its end.
     in_contact: bool,
-    /// Whether the slider of the friction rests in it.
+    /// Whether the friction's slider rests in the step.
     sticks: bool,
 }
 
@@ -305,7 +306,7 @@ impl Slopes {
         Self {
             current: slope(from.effective_a, to.effective_a),
             stiffening: slope(from.stiffening, to.stiffening),
-            // the profile alone: what shakes it has its own velocity
+            // The profile alone: shaking has its own velocity.
             press: slope(inputs.press_m(from.time), inputs.press_m(to.time)),
             growth: slope(before.growth_m, after.growth_m),
             opening: slope(from.chain.opening_m, to.chain.opening_m),

@@ -1,4 +1,4 @@
-//! A world that a simulated converter and its driver's surroundings share.
+//! A world shared between a simulated converter and the code that advances it.
 
 use core::cell::{BorrowError, Ref, RefCell, RefMut};
 use std::rc::Rc;
@@ -7,15 +7,15 @@ use ldc161x_sim::{Sensors, Window};
 
 use super::World;
 
-/// The channel to which the sensing coil is connected.
+/// Channel of the sensing coil.
 const SENSING_CHANNEL: usize = 0;
 
 /// A handle of a [`World`]. Clones share the world: one goes into an [`ldc161x_sim::Chip`] as its
 /// sensors, another stays with the code that advances time and sets the current.
 ///
-/// A converter on a bus may be ahead of the world's clock by the length of a transfer. It is then
-/// answered as if no input changed until that time; the next input takes effect from its own time
-/// on all the same.
+/// A converter on a bus may be ahead of the world's clock by the length of a transfer. The world
+/// then answers as if no input changed until that time; the next input still takes effect from its
+/// own time on.
 #[derive(Clone, Debug)]
 pub struct SharedWorld(Rc<RefCell<World>>);
 
@@ -26,7 +26,7 @@ impl SharedWorld {
         Self(Rc::new(RefCell::new(world)))
     }
 
-    /// The world, to read.
+    /// Borrows the world, to read.
     ///
     /// # Panics
     /// If it is borrowed for changes elsewhere.
@@ -35,7 +35,7 @@ impl SharedWorld {
         self.0.borrow()
     }
 
-    /// The world, to change.
+    /// Borrows the world, to change it.
     ///
     /// # Panics
     /// If it is borrowed elsewhere.
@@ -63,8 +63,8 @@ impl SharedWorld {
     }
 }
 
-/// The sensing coil on channel 0, nothing on the others. While a caller holds a borrow of the world
-/// to change it, the coil does not oscillate.
+/// The sensing coil is on channel 0; the other channels have none. While a caller has a mutable
+/// borrow of the world, the coil does not oscillate.
 impl Sensors for SharedWorld {
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
         if channel != SENSING_CHANNEL {

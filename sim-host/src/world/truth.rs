@@ -1,4 +1,4 @@
-//! What is truly there: for tests and for judging estimates, never for the instrument.
+//! True state: for tests and for judging estimates, never for the instrument.
 
 use ldc161x_sim::Time;
 
@@ -6,10 +6,10 @@ use super::plant::{Plant, PlantState};
 use crate::mechanics::energy::Energy;
 use crate::thermal::CALIBRATION_C;
 
-/// The state of the world at one moment.
+/// True state of the world at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
-    /// When.
+    /// Virtual time.
     pub time: Time,
     /// Force F through the sensor, N.
     pub force_n: f64,
@@ -17,19 +17,19 @@ pub struct Truth {
     pub friction_n: f64,
     /// Pull of the actuating coils on the load, N; its spring carries F less this.
     pub pull_n: f64,
-    /// Force in the actuated layer, N: F and the attraction.
+    /// Force in the actuated layer, N: F plus the attraction.
     pub actuated_force_n: f64,
     /// Attraction of the actuated layer's halves, N.
     pub attraction_n: f64,
     /// Displacement x_S of the sensing layer, m.
     pub sensing_m: f64,
-    /// What the sensing coil makes of x_S, with the crosstalk of the actuating field, m.
+    /// Apparent displacement of the sensing coil, m: x_S with the crosstalk of the actuating field.
     pub apparent_m: f64,
     /// Displacement x_D of the actuated layer, m.
     pub actuated_m: f64,
-    /// Displacement x_L of the load, m, without what it stands on.
+    /// Displacement x_L of the load, m, without its frame.
     pub load_m: f64,
-    /// Displacement of what the load stands on, m.
+    /// Displacement of the frame under the load, m.
     pub frame_m: f64,
     /// Distance between load and sensor, m; zero in contact.
     pub opening_m: f64,
@@ -47,8 +47,8 @@ pub struct Truth {
     pub actuated_spring_n_per_m: f64,
     /// Stiffening σ of the actuated layer: 0 without field, 1 at the peak.
     pub stiffening: f64,
-    /// Tangent stiffness c_L of the load in series with what it stands on, N/m: what an instrument
-    /// can measure. Infinite for a rigid load on a rigid frame.
+    /// Tangent stiffness c_L of the load in series with its frame, N/m: the quantity that an
+    /// instrument can measure. Infinite for a rigid load on a rigid frame.
     pub load_spring_n_per_m: f64,
     /// Mean current in the coils, without its ripple, A.
     pub current_a: f64,
@@ -107,15 +107,15 @@ impl Truth {
         }
     }
 
-    /// Sum of displacements less what the press and the growth impose, m; zero but for rounding.
+    /// Sum of displacements less those of press and growth, m; zero except for rounding.
     #[must_use]
     pub fn displacement_imbalance_m(&self) -> f64 {
         let taken = self.load_m + self.frame_m + self.sensing_m + self.actuated_m;
         taken - self.press_m - self.growth_m - self.opening_m
     }
 
-    /// Differences between the forces of the springs along the chain, N; zero but for rounding:
-    /// those of the sensing and of the actuated layer from what their balance demands.
+    /// Differences between the forces of the springs along the chain, N; zero except for rounding:
+    /// those of the sensing layer and of the actuated layer from their balance.
     #[must_use]
     pub fn force_imbalance_n(&self) -> [f64; 2] {
         let sensing_n = self.sensing_spring_n_per_m * (self.sensing_m - self.sensing_creep_m);

@@ -8,8 +8,8 @@ use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::{Holder, Setup, World};
 
-/// Presses, heats, ramps and releases, and checks the balance all along.
-/// Returns the worst relative imbalance of displacements, forces and work.
+/// Presses, heats, ramps and releases, and checks the balance throughout. Returns the worst
+/// relative imbalance of displacements, forces and work.
 fn exercise(mut world: World) -> [f64; 3] {
     let thermal = world.parameters().thermal;
     let (mut worst, mut most_j) = ([0.0_f64; 3], 0.0);
@@ -105,7 +105,7 @@ fn they_hold_with_friction_and_a_pull_on_the_load() {
 
 #[test]
 fn the_work_of_the_press_is_the_integral_of_its_force() {
-    // independent of the account: the trapezoid over samples from outside, 0.1 ms apart
+    // Independent of the balance of work: the trapezoidal rule over external samples, 0.1 ms apart.
     let plant = plant("ultrasoft", 5);
     let load = Load::Hardening {
         n_per_m: 3e3,
@@ -132,7 +132,7 @@ fn the_work_of_the_press_is_the_integral_of_its_force() {
 
 #[test]
 fn creep_dissipates_what_theory_says() {
-    // a constant force on a Kelvin element dissipates half of what it is given
+    // Under a constant force, a Kelvin element dissipates half of the energy it receives.
     let mut plant = middle("ultrasoft");
     plant.actuated.spring_n_per_m = 1e8;
     for mode in plant
@@ -155,7 +155,7 @@ fn creep_dissipates_what_theory_says() {
     let truth = world.truth();
     let expected = 0.5 * truth.force_n * truth.sensing_creep_m;
     let actual = truth.energy.dissipated_j;
-    // the soft load lets the force fall by the share of the creep in 0.1 m, 3e-4
+    // On the soft load the force falls by the share of the creep in 0.1 m, 3e-4.
     assert!(
         (actual / expected - 1.0).abs() < 2e-3,
         "{actual} {expected}"

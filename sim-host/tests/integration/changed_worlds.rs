@@ -1,4 +1,4 @@
-//! What no drawn plant has: a load whose face is permeable, friction beside the layer, jumps.
+//! Effects that no drawn plant has: a load with a permeable face, friction beside the layer, jumps.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -36,7 +36,8 @@ fn coaxial_h(a_m: f64, b_m: f64, distance_m: f64) -> f64 {
 
 #[test]
 fn a_face_mirrors_the_coil() {
-    // without MSE the face at the slab's far side makes an image of the coil at twice that distance
+    // Without MSE, the face at the slab's far side makes an image of the coil at twice that
+    // distance.
     let design = CoilDesign {
         relative_permeability: 1.0,
         ..CoilDesign::REFERENCE
@@ -61,8 +62,8 @@ fn reference_tank() -> SensingTank {
     SensingTank::new(&middle("ultrasoft").tank)
 }
 
-/// What a face so far above the pressed sensor adds to 1/f², relative: by the library, and by a quadrature of
-/// our own with the air in its place.
+/// Relative contribution to 1/f² of a face at `opening_m` above the pressed sensor: by the library,
+/// and by a quadrature of this test with the air between them.
 fn added(reflection: f64, opening_m: f64, pressed_m: f64) -> (f64, f64) {
     let at = |tank: &SensingTank| {
         let state = TankState {
@@ -174,7 +175,7 @@ fn an_object_raises_the_inductance_as_it_comes_near() {
     }
 }
 
-/// A plant without any disturbance, on a stand that does not move.
+/// A plant without any disturbance, on a stand that does not vibrate.
 fn plain() -> (Parameters, f64) {
     (middle("ultrasoft"), 5e3)
 }
@@ -202,7 +203,7 @@ fn the_coils_pull_the_object_by_their_share_of_the_springs() {
     let after = world.truth();
     let pull_n = after.pull_n;
     assert!((pull_n - 4e-5 * 100.0).abs() < 2e-4 * pull_n, "{pull_n}");
-    // the pull draws the load out and presses the layers, in the measure of their compliances
+    // The pull stretches the load and compresses the layers, in proportion to their compliances.
     let (load, layers) = (
         1.0 / load,
         1.0 / plant.sensing.spring_n_per_m + 1.0 / plant.actuated.spring_n_per_m,
@@ -262,7 +263,7 @@ fn a_slow_press_sticks_and_slips_where_the_springs_say() {
         stick_n,
         slip_n,
     } = FRICTION;
-    // each slip from springs in series: where the press is as the slider comes loose
+    // Each slip from springs in series: the press's position at which the slider breaks loose.
     let (mut slider_m, mut expected_m) = (0.0, Vec::new());
     for _ in 0..12 {
         let loose_m = slider_m + stick_n / k;
@@ -289,7 +290,7 @@ fn a_slow_press_sticks_and_slips_where_the_springs_say() {
     }
     assert_eq!(found_m.len(), expected_m.len());
     for (index, (found, expected)) in found_m.iter().zip(&expected_m).enumerate() {
-        // a slip is seen at the end of a step, and each one later than the one before
+        // A slip shows at the end of a step, and each one later than the previous one.
         let late_m = found - expected;
         let steps = (index + 1) as f64 * speed * 1e-3;
         assert!(
@@ -301,7 +302,8 @@ fn a_slow_press_sticks_and_slips_where_the_springs_say() {
 
 #[test]
 fn friction_holds_what_is_released() {
-    // pressed and back to no force: the layer stays where friction holds it, one way or the other
+    // Pressed and released to zero force: the layer stays where friction holds it, in either
+    // direction.
     let (mut plant, load) = plain();
     plant.friction = FRICTION;
     let setup = Setup {
@@ -338,7 +340,8 @@ fn jumps_come_at_random_times_between_two_positions() {
             (since_s, here_m) = (at.as_secs_f64(), now_m);
         }
     }
-    // exponentially distributed: the spread is the mean, and both are known to 3 % from 1200 of them
+    // Exponentially distributed: the standard deviation equals the mean, and 1200 values give both
+    // to 3 %.
     let count = waits_s.len() as f64;
     let mean = waits_s.iter().sum::<f64>() / count;
     let spread = (waits_s
@@ -385,7 +388,7 @@ fn a_jump_is_shared_by_the_springs() {
     assert!((4..20).contains(&jumps), "{jumps}");
 }
 
-/// Frequencies amid the steps of a falling current, with steps of a length.
+/// Frequencies in the middle of the steps of a falling current, with steps of `step`, Hz.
 fn falling_hz(plant: &Parameters, step: Time) -> Vec<f64> {
     let setup = Setup {
         step,
@@ -405,7 +408,8 @@ fn falling_hz(plant: &Parameters, step: Time) -> Vec<f64> {
 
 #[test]
 fn frequencies_within_a_step_are_those_of_shorter_steps() {
-    // the rates of friction that sticks, of the pull and of a face that saturates, by much shorter steps
+    // Rates of sticking friction, of the pull and of a saturating face, checked against much
+    // shorter steps.
     let sticky = FrictionParameters {
         stick_n: 10.0,
         slip_n: 10.0,
@@ -426,7 +430,7 @@ fn frequencies_within_a_step_are_those_of_shorter_steps() {
             object,
             ..middle("ultrasoft")
         };
-        // its rate is the mean over a step
+        // The rate of the stiffening is the mean over a step.
         plant.magnetorheological.stiffening_at_peak = 0.0;
         let coarse = falling_hz(&plant, ms(5));
         let fine = falling_hz(&plant, Time::from_us(50));

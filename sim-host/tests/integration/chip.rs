@@ -1,4 +1,4 @@
-//! The world behind a simulated converter, as a driver meets it.
+//! The world behind a simulated converter, as a driver reads it.
 
 use core::cell::RefCell;
 
@@ -48,7 +48,7 @@ fn read(chip: &SharedChip) -> (u16, u32) {
     (high >> 12, u32::from(high & 0x0FFF) << 16 | u32::from(low))
 }
 
-/// Presses, ramps and reads for a second; what was read.
+/// Presses, ramps and reads for a second; returns the readings.
 fn measure(world: World, settings: Settings) -> Vec<(u16, u32)> {
     let world = SharedWorld::new(world);
     let chip = converting(&world, settings);
@@ -94,7 +94,7 @@ fn the_words_are_those_of_the_sensing_coil() {
     let mut alone = world.clone();
     let words = measure(world, settings);
     let hertz = |word: u32| f64::from(word) / f64::from(1 << 28) * CLOCK_HZ;
-    // before contact, and held
+    // Before contact, and during the hold.
     for millisecond in [20_usize, 400] {
         let (flags, word) = words[millisecond];
         assert_eq!(flags, 0);
@@ -123,7 +123,7 @@ fn quantisation_noise_and_clock_reach_the_words() {
         "ldc_drive_shift",
     ] {
         let disturbed = words(Switches::only(name).unwrap());
-        // while it is held, so that a conversion that begins a little later sees the same
+        // During the hold, so that a slightly later conversion sees the same state.
         let pairs = ideal.iter().zip(&disturbed).skip(300).take(180);
         let off: Vec<f64> = pairs
             .map(|(a, b)| f64::from(b.1) / f64::from(a.1) - 1.0)
@@ -137,7 +137,7 @@ fn quantisation_noise_and_clock_reach_the_words() {
             "ldc_noise" => assert!((0.9e-6..1.1e-6).contains(&rms)),
             "reference_clock" => {
                 let expected = 1.0 / (1.0 + plant.ldc.reference_clock_error) - 1.0;
-                // a word has 25 bits here
+                // A word has 25 bits here.
                 assert!((mean - expected).abs() < 4e-8 && rms < 4e-8);
             }
             _ => assert!((29.9e-6..30.1e-6).contains(&mean), "15 codes of 2e-6"),

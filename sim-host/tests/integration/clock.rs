@@ -1,4 +1,4 @@
-//! Virtual time: determinism, steps, and the frequency in between.
+//! Virtual time: determinism, steps, and the frequency between their ends.
 
 use crate::common::*;
 use ldc161x_sim::Sensors;
@@ -32,7 +32,7 @@ fn the_same_seed_gives_the_same_bits_twice_and_in_two_threads() {
 
 #[test]
 fn the_draws_are_frozen() {
-    // Recorded once; a change here changes every plant that anybody has ever reported by its seed.
+    // Recorded once; a change here changes every plant that was ever reported by its seed.
     let plant = plant("ultrasoft", 1);
     let drawn = [
         plant.sensing.spring_n_per_m,
@@ -52,7 +52,7 @@ const DRAWN: [f64; 5] = [
     7.500959685719329e-7,
 ];
 
-/// The same run with time cut into pieces of different lengths, sampled every 5 ms.
+/// One run with time cut into pieces of different lengths, sampled every 5 ms.
 fn cut(pieces: &[u64]) -> Vec<u64> {
     assert_eq!(pieces.iter().sum::<u64>(), 5_000);
     let plant = plant("ultrasoft", 4);
@@ -67,7 +67,7 @@ fn cut(pieces: &[u64]) -> Vec<u64> {
         }
         for piece in pieces {
             world.advance(Time::from_us(*piece));
-            // reading must not disturb
+            // Reading must change nothing.
             let _ = (
                 world.truth(),
                 world.frequency_ahead_hz(world.now().as_secs_f64() + 2e-3),
@@ -87,8 +87,8 @@ fn how_time_is_cut_does_not_matter() {
     assert_eq!(whole, cut(&[17, 1_983, 900, 2_099, 1]));
 }
 
-/// Greatest relative difference of the frequency between the usual step and one of a twentieth,
-/// after the contact.
+/// Greatest relative difference of the frequency between the usual step and a twentieth of it,
+/// after contact.
 fn step_error(setup: &Setup, plant: &Parameters, act: impl Fn(&mut World, u64)) -> f64 {
     let fine = Setup {
         step: Time::from_us(50),
@@ -152,7 +152,7 @@ fn looking_ahead_is_the_future_if_nothing_changes() {
         assert_eq!(seen, behind.frequency_hz(at_s));
     }
     assert_eq!(ahead.now(), ms(700));
-    // an input that comes in between takes effect from its own time on
+    // An input in between takes effect from its own time on.
     ahead.advance(ms(2));
     ahead.set_current(8.0);
     let mut fresh = disturbed(&plant);
@@ -181,7 +181,7 @@ fn the_past_is_kept_for_the_longest_conversion() {
 
 #[test]
 fn mean_currents_are_means() {
-    // changes that do not fall on the ends of steps, which are a millisecond long
+    // Changes within steps, which are a millisecond long.
     let plant = plant("ultrasoft", 2);
     let mut world = world(&plant, Switches::none(), Setup::default());
     world.advance(Time::from_us(1_300));

@@ -1,4 +1,4 @@
-//! The driver of the coil against its circuit: how well the current follows.
+//! The coil's driver on its circuit: accuracy of the current control.
 
 use coil_hbridge::{Correction, CurrentLine, Supervisor};
 use palpate_sim::electrical::{
@@ -26,7 +26,7 @@ fn tested(circuit: CircuitParameters) -> Regulated {
     loop_
 }
 
-/// The corners and the middle of what has to work without retuning.
+/// Corners and centre of the range in which the driver must work without retuning.
 fn corners() -> impl Iterator<Item = CircuitParameters> {
     let of = [0.233, 0.389, 0.545].into_iter();
     of.flat_map(|ohm| [20e-6, 63e-6, 200e-6].map(|henry| (ohm, henry)))
@@ -35,7 +35,7 @@ fn corners() -> impl Iterator<Item = CircuitParameters> {
         })
 }
 
-/// The current that this supply can push for ever, A, with something left to regulate with.
+/// Greatest current that this supply can sustain, A, with a reserve for the control.
 fn reachable_a(circuit: &CircuitParameters) -> f64 {
     let ohm = circuit.coil_ohm + circuit.bridge_ohm + circuit.supply_ohm;
     (0.8 * circuit.supply_v / ohm).min(FULL_SCALE_A)
@@ -45,7 +45,7 @@ fn reachable_a(circuit: &CircuitParameters) -> f64 {
 fn the_self_test_finds_the_circuit() {
     for circuit in corners() {
         let found = tested(circuit).supervisor().findings().copied().unwrap();
-        // The supply's resistance counts for the part of the time in which it is in the circuit.
+        // The supply's resistance counts only while the supply drives the coil.
         let least = circuit.coil_ohm + circuit.bridge_ohm;
         let ohm = f64::from(found.coil.resistance_ohm);
         assert!(
@@ -60,8 +60,8 @@ fn the_self_test_finds_the_circuit() {
     }
 }
 
-/// Mean of the true current over a conversion of 1 ms, a little less, A, and the mean square of its
-/// ripple, A².
+/// Mean of the true current over slightly less than a conversion of 1 ms, A, and the mean square of
+/// its ripple, A².
 fn mean_and_ripple(loop_: &mut Regulated) -> (f64, f64) {
     let begin = loop_.circuit.totals();
     loop_.periods_of(62);
@@ -95,14 +95,14 @@ fn the_ripple_is_known_from_coil_and_supply() {
         }
     }
     println!("ripple {:.1e}, missed {:.1e}", greatest.0, greatest.1);
-    // Unknown it would be one per cent of what stiffens.
+    // If unknown, it would cause an error of one per cent in the stiffening.
     assert!(greatest.0 > 8e-3, "{}", greatest.0);
     assert!(greatest.1 < 2e-3, "{}", greatest.1);
 }
 
 #[test]
 fn a_supply_that_gives_way_does_not_pass_for_ripple() {
-    // Counted with the supply's mean voltage its square would be a quarter too large.
+    // Computed with the supply's mean voltage, its square would be a quarter too large.
     let circuit = CircuitParameters {
         supply_ohm: 0.244,
         ..CircuitParameters::common(0.42, 40e-6, 10.96)
@@ -119,8 +119,8 @@ fn a_supply_that_gives_way_does_not_pass_for_ripple() {
     }
 }
 
-/// Time from the beginning of the period in which the new value is in force to 90 % of the step,
-/// s, and the overshoot, A.
+/// Time from the start of the period in which the new setpoint is active to 90 % of the step, s,
+/// and the overshoot, A.
 fn step(loop_: &mut Regulated, from_a: f64, to_a: f64) -> (f64, f64) {
     loop_.go(to_a as f32, 0.0).unwrap();
     let begin_s = loop_.period().end_s;
@@ -140,7 +140,7 @@ fn step(loop_: &mut Regulated, from_a: f64, to_a: f64) -> (f64, f64) {
     (reached_s.unwrap_or(f64::INFINITY), beyond_a)
 }
 
-/// The time that supply and inductance allow at the greatest duty, s.
+/// Time that supply and inductance need at the greatest duty, s.
 fn possible_s(circuit: &Circuit, to_a: f64) -> f64 {
     const STEPS: u32 = 160;
     let mut circuit = *circuit;
@@ -165,7 +165,7 @@ fn possible_s(circuit: &Circuit, to_a: f64) -> f64 {
 #[test]
 fn a_step_is_as_fast_as_the_circuit_allows_and_does_not_overshoot() {
     for circuit in corners() {
-        // as identified; and as it has become since then, while it was driven
+        // As identified, and after a change since then while it was driven.
         for factor in [1.0, 0.6, 1.4] {
             let mut loop_ = tested(circuit);
             loop_.circuit.parameters.coil_ohm *= factor;
@@ -180,7 +180,7 @@ fn a_step_is_as_fast_as_the_circuit_allows_and_does_not_overshoot() {
                 taken_s <= possible_s + 2.0 * PERIOD_S,
                 "{circuit:?} x{factor}: {taken_s} of {possible_s}"
             );
-            // 0.5 % is the converter's own bow, which the regulator cannot know of.
+            // 0.5 % is the converter's own non-linearity, which the regulator cannot know.
             let bow_a = 8.0 * 3.3 / 4096.0 / 0.125;
             assert!(
                 beyond_a <= 0.02 * to_a + bow_a,
@@ -207,8 +207,8 @@ fn window(loop_: &mut Regulated, periods: u32) -> [f64; 2] {
     [loop_.reported_a(begin, begin + periods).unwrap(), true_a]
 }
 
-/// As `palpate calibrate current` does: slow sweeps over 0.3 A about each of 25 currents, with a
-/// reference beside them. A sweep passes over a wide code, where a step could end upon it.
+/// Calibrates as `palpate calibrate current` does: slow sweeps over 0.3 A about each of 25
+/// currents, beside a reference. A sweep passes over a wide code, on which a step could end.
 fn calibrate(loop_: &mut Regulated, most_a: f64, reference_error: f64) {
     let pairs: Vec<[f32; 2]> = (-12..=12)
         .map(|step| {
@@ -240,8 +240,8 @@ fn worst_absolute_a(loop_: &mut Regulated) -> f64 {
     worst_a
 }
 
-/// A chain of the range that sources give: gain within 1 % (amplifier 0.5 %, shunt 0.5 %), offset
-/// within 0.1 A, reference within 0.5 %, bow of any phase.
+/// A measurement chain from the published ranges: gain within 1 % (amplifier 0.5 %, shunt 0.5 %),
+/// offset within 0.1 A, reference within 0.5 %, non-linearity of any phase.
 fn drawn(seed: u64) -> Regulated {
     let mut chance = Stream::named(seed, "coil_drive");
     let converter = ConverterParameters {
@@ -263,7 +263,7 @@ fn the_current_is_known_absolutely_before_and_after_calibration() {
         loop_.test().unwrap();
         let before_a = worst_absolute_a(&mut loop_);
         assert!(before_a <= 0.02 * FULL_SCALE_A, "{seed}: {before_a} A");
-        // a reference of 0.1 %: a shunt of that class with a multimeter
+        // A reference of 0.1 %: a shunt of that class with a multimeter.
         calibrate(&mut loop_, 11.9, if seed % 2 == 0 { 1e-3 } else { -1e-3 });
         let after_a = worst_absolute_a(&mut loop_);
         assert!(after_a <= 0.003 * FULL_SCALE_A, "{seed}: {after_a} A");
@@ -280,7 +280,7 @@ fn two_uses_weeks_apart_give_the_same_current() {
             let mut train = Vec::new();
             let ramp = [(10.0, 2e-3), (10.0, 2e-3), (2.0, 16e-3)];
             loop_.follow_all(ramp.repeat(3)).unwrap();
-            // conversions of 1 ms
+            // Conversions of 1 ms.
             for _ in 0..60 {
                 train.push(window(loop_, 62)[1]);
             }
@@ -289,7 +289,7 @@ fn two_uses_weeks_apart_give_the_same_current() {
             train
         };
         let first = use_it(&mut loop_);
-        // Ten kelvin and weeks: 50 ppm/K of the amplifier's gain, 50 ppm/K of the reference,
+        // Ten kelvin and weeks later: 50 ppm/K of the amplifier's gain, 50 ppm/K of the reference,
         // 5 mA of its offset; another resistance of the copper, another supply.
         loop_.slow.gain_error += chance.between(-5e-4, 5e-4);
         loop_.slow.offset_a += chance.between(-5e-3, 5e-3);
@@ -335,7 +335,8 @@ fn ramps_are_straight() {
     assert!(worst <= 0.005, "{worst}");
 }
 
-/// The law is made anew every time the supply has changed by 2 %: that moves no current.
+/// The control law is computed anew whenever the supply has changed by 2 %: this must not move the
+/// current.
 #[test]
 fn a_supply_that_recovers_bends_no_ramp() {
     let circuit = CircuitParameters {
@@ -353,14 +354,14 @@ fn a_supply_that_recovers_bends_no_ramp() {
     assert!(worst_a < 5e-3, "{worst_a} A");
 }
 
-/// The elastomer remembers the greatest field: where a rise ends, nothing may go beyond it.
+/// The elastomer remembers the greatest field: the end of a rise must not overshoot.
 #[test]
 fn a_rise_ends_where_it_should() {
     for circuit in corners() {
         let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
         loop_.test().unwrap();
         let peak_a = reachable_a(&circuit);
-        // As the firmware has it: a line, and the next one when its time comes.
+        // As in the firmware: one line, and the next one when its time comes.
         loop_.go(peak_a as f32, 10e-3).unwrap();
         let highest_a = (0..1_300)
             .map(|_| loop_.period().mean_a)
@@ -370,7 +371,7 @@ fn a_rise_ends_where_it_should() {
     }
 }
 
-/// Greatest distance from the straight line of least squares.
+/// Greatest distance from the least-squares line.
 fn from_a_line(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     let middle = 0.5 * (count - 1.0);
@@ -389,7 +390,7 @@ fn from_a_line(values: &[f64]) -> f64 {
 
 #[test]
 fn the_measured_current_is_the_mean_in_spite_of_the_ripple() {
-    // The largest ripple: least inductance, greatest supply, about half of the period.
+    // The largest ripple: least inductance, greatest supply, a duty of about a half.
     let mut circuit = CircuitParameters::common(0.545, 20e-6, 12.0);
     circuit.dead_s = 0.0;
     let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
@@ -405,8 +406,7 @@ fn the_measured_current_is_the_mean_in_spite_of_the_ripple() {
 #[test]
 fn lines_go_through_zero_and_end_there() {
     let mut loop_ = tested(CircuitParameters::common(0.389, 40e-6, 12.0));
-    // From one polarity to the other, each peak less than the one before: what takes away magnetic
-    // memory.
+    // Alternating polarity with decreasing peaks: a demagnetisation sequence.
     let ends = |of: usize| {
         if of < 12 {
             8.0 * (-0.7_f32).powi(of as i32)
@@ -415,13 +415,13 @@ fn lines_go_through_zero_and_end_there() {
         }
     };
     let mut peaks = Vec::new();
-    // The bridge wakes.
+    // The bridge wakes up.
     loop_.go(0.0, 0.0).unwrap();
     loop_.run_for(3e-3);
     for of in 0..=12 {
         loop_.go(ends(of), 2e-3).unwrap();
         loop_.run_for(2e-3);
-        // The setpoint holds for the end of the period after the interrupt's.
+        // The setpoint applies at the end of the period after the interrupt's.
         loop_.periods_of(1);
         peaks.push(loop_.circuit.current_a());
     }

@@ -1,5 +1,5 @@
 //! The guards of the coil's driver, each from both sides: it acts within its stated time, and not
-//! before.
+//! earlier.
 
 use coil_hbridge::{
     ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, CurrentLine, DriveState, FOLLOWS_WITHIN,
@@ -37,7 +37,7 @@ fn driving(to_a: f32) -> Regulated {
     loop_
 }
 
-/// Periods until a fault latches, and which.
+/// Number of periods until a fault latches, and the fault.
 fn trips(loop_: &mut Regulated, within: u32) -> Option<(u32, Fault)> {
     (1..=within).find_map(|period| {
         loop_.period();
@@ -62,8 +62,8 @@ fn the_greatest_current_does_not_trip_and_a_little_more_does() {
     let mut loop_ = driving(12.0);
     loop_.run_for(0.3);
     assert_eq!(loop_.state(), DriveState::Driving);
-    // The amplifier reads the limit of 12.7 A, whatever flows; first just below, by four times its
-    // noise.
+    // The amplifier reads the limit of 12.7 A, whatever current flows; at first just below it, by
+    // four times its noise.
     let volts = |current_a: f64| Some(1.65 + 0.125 * current_a);
     let mut below = driving(12.0);
     below.slow.stuck_v = volts(12.7 - 0.15);
@@ -76,7 +76,7 @@ fn the_greatest_current_does_not_trip_and_a_little_more_does() {
     assert_eq!(trips(&mut above, 2), Some((1, Fault::OverCurrent)));
 }
 
-/// Peak and energy that a dead short lets through, with and without the hardware's limit.
+/// Peak, energy and periods of a dead short, with or without the hardware limit.
 fn short(limit_a: f64, current_a: f32) -> (f64, f64, u32) {
     let mut loop_ = driving(current_a);
     loop_.circuit.parameters = CircuitParameters {
@@ -102,7 +102,7 @@ fn short(limit_a: f64, current_a: f32) -> (f64, f64, u32) {
 fn a_dead_short_lets_little_through() {
     for current_a in [1.0, 5.0, 12.0] {
         let (peak_a, energy_j, periods) = short(15.0, current_a);
-        // 12 V / 2 uH for the 1.5 us of the hardware's limit, above its 15 A.
+        // 12 V / 2 uH for the 1.5 us of the hardware limit, above its 15 A.
         assert!(peak_a < 25.0, "{current_a} A: peak {peak_a} A");
         assert!(energy_j < 0.02, "{current_a} A: {energy_j} J");
         assert!(periods <= 8, "{current_a} A: {periods} periods");
@@ -111,15 +111,15 @@ fn a_dead_short_lets_little_through() {
 
 #[test]
 fn two_samples_above_the_limit_end_the_drive_by_themselves_and_say_how_much_it_was() {
-    // Without the hardware's limit: what the software alone lets through of a coil that shorts all
-    // but a tenth of its turns.
+    // Without the hardware limit: the software alone, with a coil of which all but a tenth of the
+    // turns are shorted.
     let mut loop_ = driving(8.0);
     loop_.circuit.parameters.inductance_h = 4e-6;
     loop_.circuit.parameters.coil_ohm = 0.04;
     loop_.circuit.parameters.limit_a = f64::INFINITY;
     let mut above = None;
     for period in 0..100 {
-        // Both samples of a period lie before its interrupt; the true current tells the first.
+        // Both samples of a period precede its interrupt; the true current marks the first one.
         let begin_a = loop_.circuit.current_a();
         loop_.period();
         if above.is_none() && begin_a > 12.8 {
@@ -139,8 +139,8 @@ fn two_samples_above_the_limit_end_the_drive_by_themselves_and_say_how_much_it_w
     panic!("it never tripped");
 }
 
-/// One sample at the end of the converter's range, at any place of a period and of a line; and in
-/// mid-test.
+/// One sample at the end of the converter's range, at any point of a period and of a line, and
+/// during the test.
 #[test]
 fn a_single_wild_sample_is_no_current() {
     for wild_v in [0.0, 3.3] {
@@ -154,7 +154,7 @@ fn a_single_wild_sample_is_no_current() {
             let off_a = loop_.circuit.current_a() - f64::from(current_a);
             assert!(off_a.abs() < 0.6, "{current_a} A: {off_a}");
             assert!(loop_.circuit.peak().0 < f64::from(current_a.abs()) + 0.8);
-            // One in each of two periods is a current.
+            // One wild sample in each of two periods counts as a current.
             loop_.slow.wild_v = Some(wild_v);
             loop_.period();
             loop_.slow.wild_v = Some(wild_v);
@@ -175,7 +175,7 @@ fn a_single_wild_sample_is_no_current() {
 
 // ---- a bridge that wakes ----
 
-/// Steps, ramps and the test, on bridges that need so long, and report a fault meanwhile.
+/// Steps, ramps and the test, on bridges that take this long to wake and report a fault meanwhile.
 #[test]
 fn a_bridge_that_wakes_within_its_time_is_driven_as_one_that_is_awake() {
     for wake_s in [0.0, 0.8e-3, 1e-3, 1.9e-3, 2e-3] {
@@ -209,8 +209,8 @@ fn a_bridge_that_wakes_within_its_time_is_driven_as_one_that_is_awake() {
     }
 }
 
-/// A line that is asked for while the bridge wakes takes the place of the one before it, and an order to
-/// stop ends both.
+/// A line requested while the bridge wakes replaces the previous one, and an order to stop ends
+/// both.
 #[test]
 fn orders_hold_while_the_bridge_wakes() {
     let mut loop_ = ready();
@@ -228,7 +228,7 @@ fn orders_hold_while_the_bridge_wakes() {
     loop_.order(&Supervisor::stop());
     loop_.run_for(5e-3);
     assert_eq!(loop_.circuit.current_a(), 0.0);
-    // Without a supervisor it does not stay awake.
+    // Without its supervisor the drive does not stay awake.
     loop_.go(8.0, 0.0).unwrap();
     loop_.slow.attended = false;
     let (_, fault) = trips(&mut loop_, ATTENDED_WITHIN + 2).expect("it latches");
@@ -247,13 +247,13 @@ fn a_bridge_that_does_not_wake_in_time_is_a_fault() {
     loop_.test().unwrap();
     loop_.circuit.parameters.wake_s = 50e-3;
     loop_.go(2.0, 0.0).unwrap();
-    // At the end of the wake-up time.
+    // It latches at the end of the wake-up time.
     let (periods, fault) = trips(&mut loop_, 1_000).expect("it latches");
     assert_eq!(fault, Fault::Bridge);
     assert!((125..=130).contains(&periods), "{periods}");
 }
 
-// ---- current that does not belong to its voltage ----
+// ---- current that does not match its voltage ----
 
 #[test]
 fn a_lost_measurement_and_an_open_coil_are_found_in_time_and_not_at_once() {
@@ -263,7 +263,7 @@ fn a_lost_measurement_and_an_open_coil_are_found_in_time_and_not_at_once() {
     open.circuit.parameters.coil_ohm = 1e4;
     let mut reported = driving(3.0);
     reported.slow.stuck_v = Some(1.65);
-    // A bridge that reports its limit is quicker.
+    // A bridge that reports its limit latches earlier.
     let (periods, fault) = trips(&mut reported, 1_000).unwrap();
     assert_eq!(fault, Fault::Bridge);
     assert!(periods < BALANCED_WITHIN, "{periods}");
@@ -274,7 +274,7 @@ fn a_lost_measurement_and_an_open_coil_are_found_in_time_and_not_at_once() {
         assert_eq!(fault, Fault::CurrentMissing);
         assert!(periods <= BALANCED_WITHIN, "{periods}");
         assert!(periods > BALANCED_WITHIN - 2 * BLOCK, "{periods}");
-        // A dead measurement drives until the hardware's limit, which holds.
+        // A dead measurement drives the current to the hardware limit, which works.
         assert!(loop_.circuit.peak().0 < 16.0);
     }
 }
@@ -287,7 +287,7 @@ fn a_disturbance_shorter_than_that_is_survived() {
     assert_eq!(trips(&mut loop_, 2 * BLOCK), None);
     loop_.slow.stuck_v = None;
     let after = trips(&mut loop_, 2_000);
-    // What it drove meanwhile may well be too much, which is another guard's.
+    // The current driven meanwhile may be too large; another guard covers that.
     assert!(
         matches!(after, None | Some((1 | 2, Fault::OverCurrent))),
         "{after:?}"
@@ -310,12 +310,12 @@ fn a_partly_shorted_coil_is_found_and_a_hot_one_is_not() {
     }
 }
 
-/// Behind a supply of 5 V, and after what makes the current not follow.
+/// Latches a fault on a supply of 5 V, after a change that keeps the current from following.
 fn weak(to_a: f32, change: impl Fn(&mut Regulated)) -> (u32, Fault, Regulated) {
     let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
     let mut loop_ = with_limits(weak, reference_limits());
     loop_.test().unwrap();
-    // 5 V push 9.8 A through 0.51 ohm.
+    // 5 V drive 9.8 A through 0.51 ohm.
     loop_.go(8.0, 1e-3).unwrap();
     assert_eq!(trips(&mut loop_, 5_000), None);
     change(&mut loop_);
@@ -324,9 +324,9 @@ fn weak(to_a: f32, change: impl Fn(&mut Regulated)) -> (u32, Fault, Regulated) {
     (periods, fault, loop_)
 }
 
-/// What the driver says once it knows.
+/// Fault that the driver reports once the cause is known.
 fn reported(loop_: &mut Regulated) -> Option<Fault> {
-    // A poll every millisecond.
+    // One poll per millisecond.
     for _ in 0..10 {
         loop_.run_for(1e-3);
         if loop_.supervisor().knows_the_cause() {
@@ -344,7 +344,7 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
         (FOLLOWS_WITHIN - 2 * BLOCK..=FOLLOWS_WITHIN).contains(&periods),
         "{periods}"
     );
-    // 11.5 A take 6 V through the coil as it was tested: the supply is too low for them.
+    // 11.5 A need 6 V through the coil as tested: the supply is too low for them.
     assert_eq!(reported(&mut loop_), Some(Fault::SupplyLow));
     let [supply_v, needed_v] = loop_
         .supervisor()
@@ -352,28 +352,28 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
         .expect("what was found");
     assert!((4.0..5.0).contains(&supply_v), "{supply_v}");
     assert!((5.4..6.2).contains(&needed_v), "{needed_v}");
-    // Through one that is a third hotter they would not flow even if the supply sufficed.
+    // Through a coil a third hotter they would not flow even if the supply sufficed.
     let (_, fault, mut loop_) = weak(8.4, |of| of.circuit.parameters.coil_ohm *= 1.35);
     assert_eq!(fault, Fault::NotFollowing);
     assert_eq!(reported(&mut loop_), Some(Fault::NotFollowing));
 }
 
-/// What happens to bridge, coil and supply.
+/// A change of bridge, coil or supply.
 type GuardedChange = fn(&mut Regulated);
 
-/// Bridge off in the watch's time, whatever it was; the cause comes with the supply's reading. (One that
-/// falls to 6 V is regulated through.)
+/// The bridge goes off within the guard's time, whatever the cause; the cause follows from the
+/// supply's reading. (A supply that falls to 6 V is regulated through.)
 #[test]
 fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
     let collapses: [(&str, GuardedChange); 4] = [
         ("0 V", |of| of.circuit.parameters.supply_v = 0.0),
         ("3 V", |of| of.circuit.parameters.supply_v = 3.0),
         ("4.3 V", |of| of.circuit.parameters.supply_v = 4.3),
-        // Under load only: it recovers when the bridge goes off.
+        // Only under load: the supply recovers when the bridge goes off.
         ("3 ohm", |of| of.circuit.parameters.supply_ohm = 3.0),
     ];
     for (what, change) in collapses {
-        // Whenever the supervisor looks: every 62 periods.
+        // At every phase of the supervisor's polls, which come every 62 periods.
         for phase in [0, 10, 20, 30, 40, 50, 60] {
             let mut loop_ = driving(5.0);
             loop_.periods_of(phase);
@@ -411,7 +411,7 @@ fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
     }
 }
 
-// ---- a measurement that is frozen ----
+// ---- a frozen measurement ----
 
 /// Corners of resistance, inductance and supply.
 const CORNERS: [(f64, f64, f64); 6] = [
@@ -422,7 +422,7 @@ const CORNERS: [(f64, f64, f64); 6] = [
     (0.545, 20e-6, 5.0),
     (0.389, 40e-6, 5.0),
 ];
-/// Currents, of which 3.3 A and 9.9 A lie in wide codes of the converter.
+/// Currents; 3.3 A and 9.9 A lie in wide codes of the converter.
 const CURRENTS_A: [f32; 6] = [0.6, 1.0, 3.3, 5.0, 7.0, -3.0];
 const LOOK_PERIODS: u32 = 62;
 
@@ -441,7 +441,7 @@ fn held(
     )
     .expect("the driver takes the reference board");
     loop_.test().expect("a sound coil passes");
-    // The limit that the test has reached holds on for 20 us.
+    // The current limit of the test lasts another 20 us.
     loop_.run_for(1e-3);
     loop_.go(to_a, 1e-3).unwrap();
     loop_.run_for(10e-3);
@@ -449,16 +449,16 @@ fn held(
     loop_
 }
 
-/// The amplifier freezes exactly where the current is held: nothing is to be regulated.
+/// The amplifier freezes exactly at the setpoint, so the regulator has no error to correct.
 #[test]
 fn a_measurement_that_freezes_at_its_target_is_found_in_time() {
-    // What docs/faults.md promises at 16 us a period.
+    // Promised in docs/faults.md, at 16 us a period.
     assert!(f64::from(FROZEN_WITHIN + HELD_BEFORE) * 16e-6 < 0.175);
     let (mut longest, mut least_a, mut greatest_a) = (0, f64::MAX, 0.0_f64);
     for corner in CORNERS {
         for converter in [ConverterParameters::EXACT, ConverterParameters::RP2040] {
             for to_a in CURRENTS_A {
-                // At any moment between two steps of the test.
+                // At any time between two steps of the frozen test.
                 for later in [0, 45, 60, 67, 71, 75] {
                     let mut loop_ = held(corner, converter, to_a, 1 + u64::from(later));
                     loop_.periods_of(later * LOOK_PERIODS);
@@ -467,7 +467,7 @@ fn a_measurement_that_freezes_at_its_target_is_found_in_time() {
                     let what = format!("{corner:?} {to_a} A, {later} looks later");
                     let (periods, fault) =
                         trips(&mut loop_, within).unwrap_or_else(|| panic!("{what}: not found"));
-                    // The current may go so fast that another guard is the first.
+                    // The current may change so fast that another guard trips first.
                     let others = [Fault::CurrentMissing, Fault::CurrentUnexplained];
                     assert!(
                         fault == Fault::SenseFrozen || others.contains(&fault),
@@ -499,7 +499,7 @@ fn a_measurement_that_works_is_not_called_frozen() {
                     ..ConverterParameters::RP2040
                 };
                 let mut loop_ = held(corner, converter, to_a, seed);
-                // Ripple of the mains on the supply, a coil that gets hot, and steps of the supply.
+                // Mains ripple on the supply, a coil that heats up, and steps of the supply.
                 let supply_v = corner.2.max(5.5);
                 for ms in 0..400_u32 {
                     let time_s = f64::from(ms) * 1e-3;
@@ -520,7 +520,7 @@ fn a_measurement_that_works_is_not_called_frozen() {
     }
 }
 
-/// What is not reached for want of supply is not frozen.
+/// A setpoint beyond the supply's reach is not a frozen measurement.
 #[test]
 fn a_current_at_the_end_of_its_supply_is_not_called_frozen() {
     let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
@@ -578,7 +578,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         (13.9, None),
         (14.3, Some(Fault::SupplyHigh)),
     ] {
-        // Near the limit already: one that breaks down at once is found by the watch.
+        // A supply already near the limit: the guard finds one that breaks down at once.
         let near_v = if supply_v < 9.0 { 5.0 } else { 12.0 };
         let near = CircuitParameters::common(0.389, 40e-6, near_v);
         let mut loop_ = with_limits(near, reference_limits());
@@ -586,7 +586,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         loop_.go(2.0, 1e-3).unwrap();
         loop_.run_for(10e-3);
         loop_.circuit.parameters.supply_v = supply_v;
-        // 10 ms: its capacitor has five time constants, and a poll comes every millisecond.
+        // 10 ms: five time constants of its capacitor, with a poll every millisecond.
         let found = trips(&mut loop_, 625).map(|(_, fault)| fault);
         assert_eq!(found, fault, "{supply_v} V");
     }
@@ -618,7 +618,7 @@ fn the_on_time_ends_the_drive_and_not_before() {
     loop_.go(1.0, 1e-3).unwrap();
     let (periods, fault) = trips(&mut loop_, 10_000).unwrap();
     assert_eq!(fault, Fault::OnTime);
-    // 0.05 s are 3 125 periods; the bridge wakes in 125 before them.
+    // 0.05 s are 3 125 periods; before them the bridge wakes up in 125.
     let on = periods - 125;
     assert!((3_125 - BLOCK..=3_125).contains(&on), "{on}");
 }
@@ -708,7 +708,7 @@ fn the_self_test_tells_what_is_wrong() {
         }),
         Some(Fault::Short)
     );
-    // turns that are shorted
+    // Shorted turns.
     assert_eq!(
         fails(|of| of.circuit.parameters.inductance_h = 6e-6),
         Some(Fault::Short)
@@ -733,7 +733,7 @@ fn the_self_test_tells_what_is_wrong() {
         fails(|of| of.circuit.parameters.limit_a = f64::INFINITY),
         Some(Fault::NoHardwareLimit)
     );
-    // within tolerance
+    // Within tolerance.
     assert_eq!(fails(|of| of.slow.offset_a = 0.35), None);
     assert_eq!(fails(|of| of.slow.offset_a = -0.35), None);
 }

@@ -1,4 +1,4 @@
-//! Every disturbance: off it has no effect at all, on it has the effect that its source says.
+//! Each disturbance: disabled it has no effect at all, enabled it has the published effect.
 
 use crate::common::*;
 use ldc161x_sim::Window;
@@ -10,7 +10,7 @@ use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::{Holder, Setup, World};
 
-/// Gives `plant` another plant's values of one disturbance.
+/// Copies another plant's values of one disturbance into `plant`.
 fn transplant(name: &str, plant: &mut Parameters, other: &Parameters) {
     let law = &mut plant.magnetorheological;
     let (thermal, current, rig) = (&mut plant.thermal, &mut plant.current, &mut plant.rig);
@@ -69,7 +69,7 @@ fn reading_bits(reading: RigReading) -> [u64; 2] {
     [reading.force_n.to_bits(), reading.stage_m.to_bits()]
 }
 
-/// What the bridge's switching adds to a conversion, cycles.
+/// Cycles that the bridge's switching adds to a conversion.
 fn pulled(mut world: World) -> f64 {
     world.set_current(4.2);
     world.advance(ms(2));
@@ -80,8 +80,8 @@ fn pulled(mut world: World) -> f64 {
     })
 }
 
-/// All that is visible of a plant: a measurement on a stand and by hand, the converter's
-/// settings, and the calibration rig.
+/// All visible values of a plant: a measurement on a stand and by hand, the converter's settings,
+/// and the calibration rig.
 fn everything(plant: &Parameters, switches: Switches) -> Vec<u64> {
     let mut seen = Vec::new();
     for holder in [Holder::Stand, Holder::Hand] {
@@ -171,7 +171,7 @@ fn only_the_holder_that_holds_shakes() {
 
 // ---- sizes, each disturbance alone ----
 
-/// The plant in the middle, with one disturbance.
+/// The central plant, with one disturbance.
 fn alone(name: &str, change: impl FnOnce(&mut Parameters), load: Option<Load>) -> World {
     let mut plant = middle("ultrasoft");
     change(&mut plant);
@@ -224,7 +224,7 @@ fn crosstalk_is_even_and_grows_with_the_press() {
 
 #[test]
 fn crosstalk_lowers_the_frequency_by_the_coils_sensitivity() {
-    // 158 ppm of the frequency per um with MSE on both sides at 1 mm (SOURCES.md section 5)
+    // 158 ppm of the frequency per um with MSE on both sides at 1 mm (SOURCES.md section 5).
     let mut world = alone("crosstalk", |p| p.crosstalk.at_peak_m = 5e-6, None);
     let before = frequency(&world);
     world.set_current(10.0);
@@ -258,7 +258,7 @@ fn the_coils_heat_themselves() {
     world.set_current(10.0);
     world.advance(ms(20));
     let truth = world.truth();
-    // adiabatic but for 0.02 s of 0.4 s
+    // Adiabatic except for 0.02 s of 0.4 s.
     close(truth.copper_c - CALIBRATION_C, 38.9 / 0.8 * 0.02, 0.03);
     close(truth.heat_in_j, 38.9 * 0.02, 1e-9);
 }
@@ -278,7 +278,7 @@ fn ambient_and_its_effects_are_as_large_as_drawn() {
     let growth = alone("growth", warm, SPRING).truth();
     let without = alone("ambient_change", warm, SPRING).truth();
     close(growth.growth_m, 4.0 * 0.9e-6, 1e-9);
-    // force of the grown length on the springs in series
+    // Force of the thermal growth on the springs in series.
     close(
         (growth.force_n - without.force_n) * (2.0 / 6e3 + 1.0 / 4e3),
         growth.growth_m,
@@ -318,7 +318,7 @@ fn creep_adds_its_amplitudes_in_time() {
     let mut world = alone("creep", |_| {}, SPRING);
     world.advance(ms(400_000));
     let truth = world.truth();
-    // the force changes little, so each mode has its share of the instant displacement
+    // The force changes little, so each mode adds its share of the instant displacement.
     let instant = truth.force_n / truth.sensing_spring_n_per_m;
     let modes = world.parameters().sensing.creep;
     let expected: f64 = modes
@@ -461,7 +461,7 @@ fn the_coil_bends_and_sees_copper() {
         0.5 * (1.0 - 0.9974),
         0.01,
     );
-    // the slab between copper and coil screens a little; 6 % of the coil in air remain about 3 %
+    // The slab between copper and coil screens a little; 6 % of the coil in air become about 3 %.
     let copper = alone("copper_image", |_| {}, None);
     let lost = 1.0 - (frequency(&alone("lag", |_| {}, None)) / frequency(&copper)).powi(2);
     println!("{lost}");

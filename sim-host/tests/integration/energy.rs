@@ -1,5 +1,5 @@
-//! What a drive counts of a train beside what was forecast of it, and the native board, which counts
-//! by the same law: what does not fit is refused with the time to wait.
+//! Energy of a train as counted by the drive, against its forecast, and the native board, which
+//! counts by the same law: it refuses a train that exceeds the energy, with the time to wait.
 
 use coil_hbridge::{Account, Demand, DriveState, Load, Supervisor};
 use palpate_sim::Time;
@@ -27,11 +27,11 @@ fn regulated(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Regulated {
     .expect("the driver takes the reference board")
 }
 
-/// What the train adds to the account: as counted by the drive, and as forecast from the coil's test.
+/// Energy that the train adds: as counted by the drive, and as forecast from the coil's test.
 fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32, f32) {
     let ramp = [(peak_a, 0.01), (peak_a, 0.03), (end_a, 0.06)];
     let train = [ramp.repeat(6), vec![(0.0, 0.01)]].concat();
-    // Awake, so that both begin at once.
+    // Awake, so that both start at once.
     drive.go(0.0, 0.0).unwrap();
     drive.run_for(3e-3);
     let findings = *drive.supervisor().findings().unwrap();
@@ -91,7 +91,7 @@ const COIL: Coil = Coil {
     current_uncertainty: 0.02,
 };
 
-/// A train for calibration: its refusal, if it was refused.
+/// Runs a train for calibration; returns its refusal, if any.
 fn sweep(board: &mut NativeBoard<'_>) -> Option<palpate_wire::record::Refusal> {
     board.take_records();
     board.send(Command::Sweep).unwrap();

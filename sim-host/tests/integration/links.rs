@@ -1,4 +1,4 @@
-//! The native board's links, byte by byte.
+//! Links of the native board, byte by byte.
 
 use palpate_procedure::Link;
 use palpate_sim::Time;
@@ -20,7 +20,7 @@ fn wiring() -> Wiring {
     ))
 }
 
-/// A command's frame, to the first run.
+/// Frame of a command to the first run.
 fn bytes(command: &Command, sequence: u32) -> Vec<u8> {
     let header = Header {
         boot_id: FIRST_BOOT_ID,
@@ -36,14 +36,14 @@ fn run(board: &mut NativeBoard<'_>, ms: u64) {
     board.run_until(board.now() + Time::from_ms(ms)).unwrap();
 }
 
-/// What a PC reads, every frame of which is sound.
+/// Frames that a PC reads; every one must be valid.
 fn frames(board: &mut NativeBoard<'_>, link: Link) -> Vec<Frame<Record>> {
     let bytes = board.read(link);
     let mut decoder = RecordDecoder::new();
     decoder.frames(&bytes).map(Result::unwrap).collect()
 }
 
-/// The numbers of the commands that were answered.
+/// Numbers of the answered commands.
 fn answers(frames: &[Frame<Record>]) -> Vec<u32> {
     let answers = frames.iter().filter_map(|frame| match &frame.message {
         Record::Acknowledgement(answer) => Some(answer.command),

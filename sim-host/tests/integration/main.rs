@@ -1,4 +1,4 @@
-//! Tests of `palpate-sim` from outside: one program, whose modules are its parts.
+//! External tests of `palpate-sim`: one program, with one module per area.
 
 mod balance;
 mod changed_worlds;

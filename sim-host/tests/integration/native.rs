@@ -1,4 +1,4 @@
-//! The native board by itself.
+//! The native board alone.
 
 use ldc161x_sim::{ChipFault, FaultEvent, Lost};
 use palpate_sim::Time;
@@ -51,13 +51,13 @@ fn it_says_who_it_is_tests_itself_and_streams_what_the_chip_converted() {
             _ => None,
         })
         .collect();
-    // From the end of the start, 38 ms, at 1 kHz.
+    // From the end of the start-up at 38 ms, at 1 kHz.
     assert!((458..=466).contains(&words.len()), "{}", words.len());
     let last = hardware.chip().borrow().last_read(0).unwrap().word;
     assert_eq!(*words.last().unwrap(), last);
 }
 
-/// The drive that suits a pressed sensor is too weak for some at rest.
+/// The drive current that suits a pressed sensor is too weak for some sensors at rest.
 #[test]
 fn a_sensor_that_was_pressed_at_power_on_works_when_it_is_lifted() {
     let (stack, disturbances) = (
@@ -122,7 +122,7 @@ fn several_channels_come_scan_by_scan() {
             scan.channels
                 .is_sorted_by_key(|conversion| conversion.offset_us)
         );
-        // Nothing is connected to channels 1 to 3: the board reports them without a count.
+        // Channels 1 to 3 are not connected: the board reports them without a count.
         assert_eq!(scan.channels[3].word & 0x0FFF_FFFF, 0);
     }
     let steps = scans.windows(2).map(|pair| pair[1].0 - pair[0].0);
@@ -133,8 +133,8 @@ fn several_channels_come_scan_by_scan() {
     );
 }
 
-/// The sample that is being converted when the command comes was of another clock: as a baseline of
-/// the new settings it would be wrong by a sixth.
+/// The conversion in progress when the command arrives used another clock: as a baseline of the new
+/// settings it would be wrong by a sixth.
 #[test]
 fn no_sample_of_the_old_settings_follows_the_answer() {
     let mut channels_after = Vec::new();
@@ -168,7 +168,8 @@ fn no_sample_of_the_old_settings_follows_the_answer() {
     );
 }
 
-/// One clock is at both converters' CLKIN: a conversion under way would be counted with two of them.
+/// One clock feeds both converters' CLKIN: a running conversion would count with two different
+/// clocks.
 #[test]
 fn the_clock_changes_only_while_both_converters_are_stopped() {
     let wiring = Wiring::with_second_converter(world());
@@ -200,8 +201,8 @@ fn the_clock_changes_only_while_both_converters_are_stopped() {
     assert_eq!(changes, 5);
 }
 
-/// Nothing is connected to the second channel. The converter's watchdog ends a conversion after 5.2 ms: at
-/// every rate it is the sensor that is reported, once, and the converter is not started anew.
+/// The second channel is not connected. The converter's watchdog ends a conversion after 5.2 ms: at
+/// every rate the sensor is reported, once, and the converter does not restart.
 #[test]
 fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
     for rate_hz in [32.0, 180.0, 200.0, 300.0, 500.0, 1_000.0] {
@@ -241,7 +242,7 @@ fn samples(records: &[TimedRecord], sensor: u8) -> Vec<(u64, Sample)> {
     samples.collect()
 }
 
-/// A converter that converts on while INTB stays where it is, at several rates.
+/// A converter that continues to convert while INTB is stuck, at several rates.
 #[test]
 fn an_interrupt_line_that_is_stuck_is_named_with_its_level() {
     for rate_hz in [100.0, 500.0, 1_000.0] {
@@ -278,7 +279,7 @@ fn an_interrupt_line_that_is_stuck_is_named_with_its_level() {
     }
 }
 
-/// Both converters at 500 scans a second; the second fails for 300 ms in each of these ways.
+/// Both converters at 500 scans a second; the second one fails for 300 ms in each of these ways.
 #[test]
 fn a_second_converter_that_fails_costs_the_first_nothing() {
     let ways = [
@@ -323,7 +324,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             (1_980..=2_002).contains(&(after - before))
         });
         assert!(even, "{way:?}");
-        // It comes back, and reported that meanwhile.
+        // It recovers, and was reported meanwhile.
         let second = samples(&after, 1);
         let last_us = second.last().expect("it comes back").0;
         assert!(last_us > 1_450_000, "{way:?}: {last_us}");
@@ -344,7 +345,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
                 .all(|(_, fault)| fault.location == Location::SecondSensor),
             "{way:?}: {faults:?}"
         );
-        // It stands until the cause ends, at 800 ms; a dip of the supply is over at once.
+        // The fault lasts until its cause ends, at 800 ms; a dip of the supply is over at once.
         if !matches!(way, ChipFault::BrownOut(_)) {
             let ended_us: Vec<u64> = faults
                 .iter()
@@ -372,7 +373,7 @@ fn the_same_seed_gives_the_same_records() {
     assert_eq!(here, there);
 }
 
-/// A drive has nothing but its measurement: its bow, 51 mA at the most, bends the true current.
+/// A drive has only its measurement: its non-linearity, 51 mA at most, bends the true current.
 #[test]
 fn a_line_of_the_current_is_straight_as_it_is_measured() {
     let stack = Stack::builtin("ultrasoft").unwrap();
@@ -417,12 +418,12 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
     for [at_s, current_a] in currents {
         let straight_a = a0 + (a1 - a0) * (at_s - t0) / (t1 - t0);
         let off_a = current_a - straight_a;
-        // A tenth of the bow; the control law itself leaves 3 mA.
+        // A tenth of the non-linearity; the control law itself contributes 3 mA.
         assert!(off_a.abs() < 5e-3, "{current_a} A: {off_a}");
     }
 }
 
-/// A board that is armed, with a current of its own: 8 A within 20 ms, recorded every quarter of a
+/// Drives an armed board to 8 A within 20 ms, with its own current recorded every quarter of a
 /// millisecond.
 fn with_recorded_current(board: &mut NativeBoard<'_>) -> u64 {
     board.run_until(board.now() + Time::from_ms(300)).unwrap();
@@ -463,19 +464,19 @@ fn a_recorded_current_is_the_one_that_flowed() {
         assert!((part.interval_s - 256e-6).abs() < 1e-9);
         for (index, current_a) in part.currents_a.iter().enumerate() {
             let after_s = (at_us - begun_us) as f64 * 1e-6 + 256e-6 * index as f64;
-            // The bridge wakes first.
+            // The bridge wakes up first.
             let setpoint_a = (8.0 * (after_s - 2e-3) / 20e-3).clamp(0.0, 8.0);
             off_a.push(f64::from(*current_a) - setpoint_a);
         }
     }
     assert!(off_a.iter().all(|off_a| off_a.abs() < 0.3), "{off_a:?}");
-    // The rise takes 78 of them, after 8; one interval more or less would be 0.1 A.
+    // The rise takes 78 intervals, after the first 8; one interval more or less would be 0.1 A.
     let mean_a = off_a[8..86].iter().sum::<f64>() / 78.0;
     assert!(mean_a.abs() < 0.05, "{mean_a}");
 }
 
-/// The measurement shows too little by 3 % of what it shows: the regulated current then is 3 % less
-/// than its setpoint was before.
+/// The measurement reads low by 3 % of its reading: after the correction, the regulated current is
+/// 3 % lower at the same setpoint.
 #[test]
 fn a_correction_moves_the_true_current() {
     let current_a = |correction: Option<CurrentCorrection>| {
@@ -502,7 +503,7 @@ fn a_correction_moves_the_true_current() {
     assert!((corrected_a * 1.03 - plain_a).abs() < 0.02, "{corrected_a}");
 }
 
-/// Answers that have come, each with its command's number.
+/// Answers received so far, each with its command's number.
 fn answers(board: &mut NativeBoard<'_>) -> Vec<(u32, Outcome)> {
     let records = board.take_records();
     let answers = records.iter().filter_map(|(_, record)| match record {
@@ -512,8 +513,9 @@ fn answers(board: &mut NativeBoard<'_>) -> Vec<(u32, Outcome)> {
     answers.collect()
 }
 
-/// The queue is the procedure's: the native board shows what the image shows
-/// (`one_command_waits_for_the_test_and_each_has_one_answer` in `sim-host/emulator/tests/integration/coil.rs`).
+/// The queue belongs to the procedure: the native board behaves as the image does
+/// (`one_command_waits_for_the_test_and_each_has_one_answer` in
+/// `sim-host/emulator/tests/integration/coil.rs`).
 #[test]
 fn one_command_waits_for_the_coils_test_and_an_abort_drops_it() {
     let hardware = Wiring::new(world());
@@ -560,7 +562,7 @@ fn one_command_waits_for_the_coils_test_and_an_abort_drops_it() {
     assert_eq!(flows_a, 0.0);
 }
 
-/// The temperature that the board reports after a second, degrees Celsius, with the true one.
+/// Temperature that the board reports after a second, degrees Celsius, and the true one.
 fn temperatures(nonlinearity_lsb: f64) -> [f64; 2] {
     let stack = Stack::builtin("ultrasoft").unwrap();
     let mut plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
@@ -591,8 +593,8 @@ fn the_thermometer_is_read_through_the_converter_of_the_current() {
     assert!((1.5..3.0).contains(&bowed_k), "{bowed_k}");
 }
 
-/// The zero of the current is measured without current: where the bridge went off just before, it still
-/// flows for a moment.
+/// The current's zero is measured without current; where the bridge went off just before, a current
+/// still flows for a moment.
 #[test]
 fn a_coil_that_is_tested_anew_under_current_has_the_same_zero() {
     let hardware = Wiring::new(world());

@@ -1,5 +1,5 @@
-//! The bridge's switching against the sensing coil: what it adds is less than the converter's
-//! quantisation, by the measures of docs/decisions/0041, and would not be without them.
+//! Coupling of the bridge's switching to the sensing coil: with the measures of docs/decisions/0041
+//! it stays below the converter's quantisation, and without them it would not.
 
 use core::cell::RefCell;
 
@@ -17,14 +17,14 @@ use palpate_sim::sensing_coil::tank::{SensingTank, TankState};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, SharedWorld};
 
-/// A conversion at 1 kHz, and the reference of a single channel.
+/// A conversion at 1 kHz, s, with the reference of a single channel.
 const WINDOW_S: f64 = 1e-3;
 const REFERENCE_HZ: f64 = 30e6;
-/// From one conversion to the next: eleven clocks more.
+/// Interval between conversions, s: eleven clocks more.
 const INTERVAL_S: f64 = WINDOW_S + 11.0 / REFERENCE_HZ;
 /// The highest supply of the reference plants, V.
 const SUPPLY_V: f64 = 12.0;
-/// What a volt at the drive coils makes in the sensing coil without a plane of copper: 0.77 µH
+/// Voltage in the sensing coil per volt at the drive coils without a plane of copper: 0.77 µH
 /// mutual, 20 µH own inductance (`the_copper_plane_is_what_decouples`).
 const WITHOUT_PLANE: f64 = 0.77 / 20.0;
 
@@ -33,7 +33,7 @@ fn quantisation() -> f64 {
     1.0 / (12_f64.sqrt() * REFERENCE_HZ * WINDOW_S)
 }
 
-/// Frequencies over which presses of 0 to 0.4 mm move the tank of the reference plants, Hz.
+/// Range of the tank's frequency for presses of 0 to 0.4 mm in the reference plants, Hz.
 fn band_hz() -> (f64, f64) {
     let tank = SensingTank::new(&middle("soft-closed").tank);
     let at = |pressed_m: f64| {
@@ -48,8 +48,8 @@ fn band_hz() -> (f64, f64) {
     (at(0.4e-3), at(0.0))
 }
 
-/// Root mean square of what the bridge adds to readings at one resonance, Hz: 40 beginnings at any
-/// phase, 40 conversions each.
+/// Error that the bridge adds to readings at one resonance, Hz rms: 40 starts at random phase, 40
+/// conversions each.
 fn added_hz(parameters: &InterferenceParameters, period_s: f64, free_hz: f64) -> f64 {
     let mut random = Stream::named(7, "pwm_coupling");
     // The duty at which the nearest harmonic is largest, near a half.
@@ -73,7 +73,7 @@ fn added_hz(parameters: &InterferenceParameters, period_s: f64, free_hz: f64) ->
     f64::sqrt(squares / 1600.0)
 }
 
-/// The worst over the band, as a part of the quantisation, with its frequency in Hz.
+/// Worst error in the band, as a part of the quantisation, with its frequency in Hz.
 fn worst(parameters: &InterferenceParameters, period_s: f64) -> (f64, f64) {
     let (low_hz, high_hz) = band_hz();
     println!("{low_hz:.0} to {high_hz:.0} Hz");
@@ -84,7 +84,8 @@ fn worst(parameters: &InterferenceParameters, period_s: f64) -> (f64, f64) {
     let mut worst = (0.0, 0.0);
     for harmonic in first..=last {
         let harmonic_hz = f64::from(harmonic) * spacing_hz;
-        // Every hertz near the harmonic, where it locks, and then by steps of a tenth to its neighbour.
+        // Every hertz near the harmonic, where it locks, then in steps of a tenth of the
+        // distance, to half-way to its neighbour.
         let near = (-60..=60).map(f64::from);
         let far = (0..60).map(|step| 61.0 * 1.11_f64.powi(step));
         let far = far.take_while(|&away_hz| away_hz < 0.5 * spacing_hz);
@@ -99,7 +100,7 @@ fn worst(parameters: &InterferenceParameters, period_s: f64) -> (f64, f64) {
     worst
 }
 
-/// The most that is drawn.
+/// Extreme values of the draw.
 fn corner() -> InterferenceParameters {
     InterferenceParameters {
         volt_per_volt: INTERFERENCE_V_PER_V.range().1,
@@ -119,7 +120,7 @@ fn what_the_bridge_adds_is_below_quantisation_over_the_whole_band() {
     let (part, at_hz) = worst(&usual, PWM_PERIOD_S);
     println!("a plant in the middle: {part:.2}, at {at_hz:.0} Hz");
     assert!(part < 0.25, "{part} at {at_hz} Hz");
-    // Away from the harmonic the window averages the beat.
+    // Away from the harmonic, the window averages the beat.
     for (away_hz, most) in [
         (500.0, 0.5),
         (1_450.0, 0.2),
@@ -154,8 +155,8 @@ fn each_measure_is_needed() {
     }
 }
 
-/// Why no choice of the frequency replaces the plane: half-way between two harmonics it is still far
-/// too much.
+/// No choice of the frequency replaces the plane: half-way between two harmonics the error is still
+/// far too large.
 #[test]
 fn distance_from_the_harmonics_alone_does_not_do() {
     let without_plane = InterferenceParameters {
@@ -186,15 +187,17 @@ fn the_copper_plane_is_what_decouples() {
         assert!(thick > 2.0 * range.0 && 2.0 * thick < range.1, "{thick}");
         assert!(2.0 * thin > range.1, "35 um leave no margin: {thin}");
     }
-    // A field that changes in milliseconds passes.
+    // A field that changes within milliseconds passes the plane.
     let slow = at(10e-3, 70e-6, 1e3) / at(10e-3, 0.0, 1e3);
     assert!(slow > 0.9, "{slow}");
 }
 
-/// The ripple's own frequency: windows cut whole periods, and the crosstalk goes by the square.
+/// The ripple's own frequency: windows cut periods, and the crosstalk follows the square of the
+/// current.
 #[test]
 fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
-    // 20 µH, 12 V, half of the time: 2.4 A of ripple about 12 A, more than the reference coils have.
+    // 20 µH, 12 V, a duty of one half: 2.4 A of ripple about 12 A, more than the reference coils
+    // have.
     let mut circuit = Circuit::new(CircuitParameters {
         limit_a: f64::INFINITY,
         wake_s: 0.0,
@@ -224,7 +227,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
         }
     }
     let mean_a2 = squares.iter().sum::<f64>() / STEPS as f64;
-    // The part of a period that is left at the end of a window, from any beginning.
+    // The fraction of a period at the end of a window, for any start.
     let mut most_a2_s: f64 = 0.0;
     for begin in 0..STEPS {
         let mut sum = 0.0;
@@ -233,7 +236,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
             most_a2_s = most_a2_s.max(f64::abs(sum));
         }
     }
-    // The most crosstalk of the reference plants, and the sensitivity of their coil at its steepest.
+    // The largest crosstalk of the reference plants, and the greatest sensitivity of their coil.
     let plant = middle("paper");
     let tank = SensingTank::new(&plant.tank);
     let pressed = tank.resonance(&TankState {
@@ -290,7 +293,7 @@ fn a_converter_in_a_world_is_pulled_while_the_bridge_switches() {
     let still = readings(on, 0.0);
     assert_eq!(still.oscillation_hz, still.sensor_hz, "the bridge rests");
     let locked = readings(on, CURRENT_A);
-    // Between two conversions it is free, for 0.4 µs, and is caught again.
+    // Between two conversions, for 0.4 µs, the oscillation is free; then it locks again.
     let harmonics = locked.oscillation_hz * PWM_PERIOD_S;
     assert!((harmonics - harmonics.round()).abs() < 1e-4, "{harmonics}");
     assert!((locked.sensor_hz - locked.oscillation_hz).abs() > 1.0);

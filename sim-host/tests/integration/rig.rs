@@ -1,4 +1,4 @@
-//! The calibration rig: what its user reads, against what is there.
+//! The calibration rig: the user's readings against the true state.
 
 use crate::common::*;
 use palpate_sim::mechanics::load::Load;
@@ -21,7 +21,7 @@ fn a_perfect_rig_reads_what_is_there() {
     assert_eq!(reading.stage_m, truth.press_m);
     assert_eq!(rig.world().load(), &Load::Spring { n_per_m: 5e3 });
     assert_eq!(rig.nominal_spring_n_per_m(), Some(5e3));
-    // the springs can be found from it exactly
+    // The springs follow exactly from the reading.
     let series = 0.7e-3 / reading.force_n - 1.0 / 5e3 - 1.0 / truth.actuated_spring_n_per_m;
     assert!((series * plant.sensing.spring_n_per_m - 1.0).abs() < 1e-12);
 }
@@ -75,7 +75,7 @@ fn the_rigs_springs_are_off_within_their_tolerance() {
         low > 0.99 && low < 0.9905 && high < 1.01 && high > 1.0095,
         "{low} {high}"
     );
-    // each spring is a piece of metal of its own, the same each time
+    // Each spring is a specimen of its own, and the same one every time.
     let of = |nominal: f64| {
         let specimen = Specimen::Spring {
             nominal_n_per_m: nominal,
@@ -119,7 +119,7 @@ fn the_rig_is_at_the_temperature_of_calibration() {
     let truth = rig.world().truth();
     assert_eq!([truth.ambient_c, truth.pad_c], [CALIBRATION_C; 2]);
     assert_eq!(truth.growth_m, 0.0);
-    // the sensor on the rig is the sensor of the measurement
+    // The sensor on the rig is the sensor of the measurement.
     let measured = world(&plant, Switches::none(), pressed(&plant));
     let same = measured.truth().sensing_spring_n_per_m;
     assert_eq!(truth.sensing_spring_n_per_m, same);

@@ -1,4 +1,4 @@
-//! Whatever plant is drawn and whatever is done to it: no panic, no NaN, balance, and sense.
+//! Any drawn plant under any inputs: no panic, no NaN, balanced forces, plausible values.
 
 use crate::common::*;
 use palpate_sim::Time;
@@ -8,7 +8,7 @@ use palpate_sim::switches::Switches;
 use palpate_sim::world::{Holder, Setup, World};
 use proptest::prelude::*;
 
-/// One thing that an instrument, a hand or a test may do.
+/// One action of an instrument, a hand or a test.
 #[derive(Clone, Debug)]
 enum Act {
     Current(f64),
@@ -153,7 +153,7 @@ fn assert_sound(world: &World, most_j: &mut f64) {
     let truth = world.truth();
     for bits in bits(&truth) {
         let value = f64::from_bits(bits);
-        // a rigid load on a rigid frame is infinitely stiff
+        // A rigid load on a rigid frame is infinitely stiff.
         assert!(!value.is_nan(), "{truth:#?}");
     }
     assert!(truth.force_n >= 0.0 && truth.opening_m >= 0.0);

@@ -14,7 +14,7 @@ fn coil(outer_mm: f64, inner_mm: f64, turns: u32, sides: Sides) -> CoilDesign {
     }
 }
 
-/// Whether a value is what a table printed with so many decimals says.
+/// Whether a value rounds to a printed table value of `decimals` decimals.
 fn prints_as(value: f64, printed: f64, decimals: i32) -> bool {
     (value - printed).abs() <= 0.500_1 * 10_f64.powi(-decimals)
 }
@@ -92,7 +92,7 @@ fn ratios_of_the_reference_coil_are_those_of_the_table_within_half_a_percent() {
 
 #[test]
 fn copper_below_the_coil_takes_about_6_percent_at_5_mm() {
-    // SOURCES.md section 3; the copper alone, with the slab made of air
+    // SOURCES.md section 3; the copper alone, with a slab of air.
     let bare = CoilDesign {
         relative_permeability: 1.0,
         ..CoilDesign::REFERENCE
@@ -105,7 +105,7 @@ fn copper_below_the_coil_takes_about_6_percent_at_5_mm() {
 
 #[test]
 fn the_sum_over_filaments_agrees_with_the_current_sheet() {
-    // Mohan's expression is within 0.35 % of the filaments (SOURCES.md section 5)
+    // Mohan's expression is within 0.35 % of the filaments (SOURCES.md section 5).
     for ((outer, inner, turns), ..) in TABLE {
         let design = coil(outer, inner, turns, Sides::Both);
         let fill = (outer - inner) / (outer + inner);

@@ -6,7 +6,7 @@ use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
 
-/// Softly against the sensor, without any disturbance.
+/// A world pressed on a spring of `ratio` sensing springs, without any disturbance.
 fn undisturbed(stack: &str, seed: u64, ratio: f64) -> World {
     let plant = plant(stack, seed);
     let load = Load::Spring {
@@ -22,7 +22,7 @@ fn undisturbed(stack: &str, seed: u64, ratio: f64) -> World {
     world
 }
 
-/// x_S at a current, the world's stiffening being immediate.
+/// x_S at a current; the world's stiffening is immediate.
 fn sensing_at(world: &mut World, current_a: f64) -> f64 {
     world.set_current(current_a);
     world.advance(ms(1));
@@ -67,7 +67,7 @@ fn equation_2_gives_the_load_back() {
 
 #[test]
 fn the_reciprocal_of_x_is_straight_in_g() {
-    // 1/x = A/x_0 + g/x_0, A = 1 + c_S/c_L
+    // 1/x = A/x_0 + g/x_0, A = 1 + c_S/c_L.
     let mut world = undisturbed("ultrasoft", 6, 0.5);
     for step in 0..=20 {
         let x = sensing_at(&mut world, 0.5 * f64::from(step));
@@ -136,7 +136,7 @@ fn a_hardening_load_is_met_on_its_curve() {
         assert!((truth.force_n - force).abs() <= 1e-12 * force);
         let tangent = c + 3.0 * k * x * x;
         assert!((truth.load_spring_n_per_m / tangent - 1.0).abs() < 1e-12);
-        // F_i = c_S x_i and x_L,i = x_0 - x_i (1 + g_i), as an estimator would have it
+        // F_i = c_S x_i and x_L,i = x_0 - x_i (1 + g_i), as an estimator computes them.
         let g = truth.sensing_spring_n_per_m / truth.actuated_spring_n_per_m;
         let seen = truth.press_m + truth.opening_m - truth.sensing_m * (1.0 + g);
         assert!((seen - x).abs() < 1e-15);

@@ -1,4 +1,4 @@
-//! The files of the plants: what is in them, and what is refused.
+//! Plant files: their content and their refusals.
 
 use std::path::Path;
 
@@ -89,7 +89,7 @@ fn the_disturbances_arrive_in_their_fields() {
     assert_eq!(d.load_ratios_to_sensing_spring, [0.2, 0.5, 1.0, 2.0, 5.0]);
 }
 
-/// The error of a text in which one piece of a line was replaced; the line is the sixth word of it.
+/// Error of a text in which one piece of a line was replaced.
 fn refused(file: &str, good: &str, from: &str, to: &str) -> FileError {
     assert_eq!(good.matches(from).count(), 1, "{from:?} is there once");
     let bad = good.replacen(from, to, 1);
@@ -219,7 +219,8 @@ fn a_missing_key_is_reported_with_its_range() {
     assert_eq!(error.key, "crosstalk");
 }
 
-/// Files as editors of Windows write them, devices that never end, and names that a terminal would apply.
+/// Files written by Windows editors, device files that never end, and names with control
+/// characters.
 #[test]
 fn files_that_are_no_text_are_refused_with_their_cause() {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mine.toml");

@@ -1,4 +1,4 @@
-//! What the native board stores.
+//! Storage of the native board.
 
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_sim::Time;
@@ -21,7 +21,7 @@ fn wiring() -> Wiring {
     ))
 }
 
-/// Settings that no start gives.
+/// Settings that differ from those after a start.
 fn settings() -> Settings {
     Settings {
         rate_hz: 500.0,
@@ -30,7 +30,7 @@ fn settings() -> Settings {
     }
 }
 
-/// Runs for a while; what was said of the storage, and everything.
+/// Runs for `ms` milliseconds; returns the storage reports, and all records.
 fn run(board: &mut NativeBoard<'_>, ms: u64) -> (Vec<Storage>, Vec<TimedRecord>) {
     board.run_until(board.now() + Time::from_ms(ms)).unwrap();
     let records = board.take_records();
@@ -41,7 +41,7 @@ fn run(board: &mut NativeBoard<'_>, ms: u64) -> (Vec<Storage>, Vec<TimedRecord>)
     (of_storage.collect(), records)
 }
 
-/// Sends a command and runs for a while.
+/// Sends a command and runs for 100 ms; returns the storage reports.
 fn ask(board: &mut NativeBoard<'_>, command: Command) -> Vec<Storage> {
     board.send(command).unwrap();
     run(board, 100).0
@@ -124,7 +124,7 @@ fn what_was_set_since_is_replaced_by_what_is_stored_and_nothing_is_after_it_was_
     assert!(records.iter().any(|(_, record)| is_refused(record)));
 }
 
-/// Items are stored one in a turn, and meanwhile nothing may be set.
+/// One item is stored per turn; until the end, settings are refused.
 #[test]
 fn while_it_stores_it_is_busy() {
     let wiring = wiring();
@@ -154,7 +154,7 @@ fn damage_is_found_at_the_next_start_which_does_not_use_it() {
     drop(board);
     wiring.flash().with_bytes(|bytes| {
         let written = bytes.iter_mut().filter(|byte| **byte != u8::MAX);
-        // Behind the marks of the area, and more of them than are corrected.
+        // Behind the marks of the area, and more bytes than the code corrects.
         written.skip(60).take(8).for_each(|byte| *byte ^= 0x10);
     });
     let mut board = NativeBoard::new(&wiring);

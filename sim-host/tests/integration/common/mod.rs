@@ -1,4 +1,4 @@
-//! What the tests share.
+//! Shared code of the tests.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use palpate_sim::Time;
@@ -18,7 +18,7 @@ pub(crate) fn plant(stack: &str, seed: u64) -> Parameters {
     draw(&stack, &disturbances, seed)
 }
 
-/// The plant in the middle of all ranges.
+/// The plant at the centre of all ranges.
 pub(crate) fn middle(stack: &str) -> Parameters {
     let (stack, disturbances) = files(stack);
     central(&stack, &disturbances)
@@ -46,7 +46,7 @@ pub(crate) fn pressed(plant: &Parameters) -> Setup {
     }
 }
 
-/// Everything of a truth in bits.
+/// All values of a truth, as bits.
 pub(crate) fn bits(truth: &Truth) -> Vec<u64> {
     let energy = &truth.energy;
     [
@@ -86,7 +86,7 @@ pub(crate) fn bits(truth: &Truth) -> Vec<u64> {
     .to_vec()
 }
 
-/// A measurement in little: press, hold, peak, four falling ramps, release; the bits of truth,
+/// A short measurement: press, hold, peak, four falling ramps, release. Returns the bits of truth,
 /// frequency and measured current every 7 ms.
 pub(crate) fn trajectory(mut world: World) -> Vec<u64> {
     let mut seen = Vec::new();
@@ -111,8 +111,8 @@ pub(crate) fn trajectory(mut world: World) -> Vec<u64> {
     seen
 }
 
-/// Imbalances of displacements, forces and work, relative; the work to the most that has been moved
-/// so far, since a spring that is released gives all of it back.
+/// Relative imbalances of displacements, forces and work; work relative to the largest turnover so
+/// far, since a released spring returns all of its energy.
 pub(crate) fn imbalances(truth: &Truth, most_j: &mut f64) -> [f64; 3] {
     let length_m = truth.press_m.abs() + truth.sensing_m.abs() + truth.opening_m + 1e-9;
     let force_n = truth.actuated_force_n.abs() + 1e-6;
