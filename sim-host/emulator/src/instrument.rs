@@ -1,4 +1,4 @@
-//! The image with a PC at its channels: commands in, records out, on a plant.
+//! The image with a PC on its debug channels: commands in, records out, on a plant.
 
 use std::fmt;
 
@@ -14,39 +14,40 @@ use crate::board::{EmulatedBoard, Options};
 use crate::image::Image;
 use crate::stop::Stop;
 
-/// The channels of the image: logs and records up, commands down.
+/// Channels of the image: logs and records up, commands down.
 pub const LOGS: u32 = 0;
 /// See [`LOGS`].
 pub const RECORDS: u32 = 1;
 /// See [`LOGS`].
 pub const COMMANDS: u32 = 0;
 
-/// How often the PC polls for records: the firmware's channel holds those of a tenth of a second.
+/// Interval of the PC's polls for records; the firmware's channel can queue a tenth of a second.
 const POLL: Time = Time::from_ms(1);
-/// From power to the first word: boot, the converter's wake-up, and its deadlines if it is absent.
+/// Longest time from power on to the first record: boot, the converter's wake-up, and its deadlines
+/// if it is absent.
 const GREETING: Time = Time::from_ms(200);
-/// From a command to its answer.
+/// Longest time from a command to its answer.
 const ANSWER: Time = Time::from_ms(100);
-/// The crystal of a Raspberry Pi Pico.
+/// Crystal frequency of a Raspberry Pi Pico, Hz.
 const CRYSTAL_HZ: f64 = 12e6;
-/// What the firmware makes of it for the converter with one channel.
+/// Clock that the firmware makes of it for the converter with one channel, Hz.
 const CLKIN_HZ: f64 = 200e6 / 6.0;
 
-/// Why the image cannot run on, or what it did not do.
+/// Failure of the image or of the emulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageFailure {
-    /// It did what the emulation does not follow.
+    /// The emulation cannot continue at this time.
     Stopped(Stop, Time),
-    /// It never said who it is.
+    /// The image never sent its identity.
     Silent,
-    /// It did not answer a command of this kind.
+    /// The image did not answer a command of this kind.
     NoAnswer {
-        /// The command's kind.
+        /// Kind of the command.
         kind: u8,
     },
-    /// The command is not one that can be sent.
+    /// The command cannot be encoded.
     NotEncoded {
-        /// The command's kind.
+        /// Kind of the command.
         kind: u8,
     },
 }
@@ -68,12 +69,12 @@ impl fmt::Display for ImageFailure {
 
 impl std::error::Error for ImageFailure {}
 
-/// The image on its board, with a world of `palpate-sim` pressed upon its sensor and a PC at its
+/// The image on its board, with a world of `palpate-sim` pressed on its sensor and a PC on its
 /// channels. A clone is a snapshot.
 #[derive(Clone)]
 pub struct Instrument {
     board: EmulatedBoard<PressedWorld>,
-    /// Bytes of a frame that has not ended.
+    /// Bytes of an incomplete frame.
     pending: Vec<u8>,
     sequencer: Sequencer,
     frames: Vec<Frame<Record>>,
@@ -82,7 +83,7 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// The image gets its power now, with the converter and the crystal of this world.
+    /// An image that is powered now, with the converter and the crystal of this world.
     #[must_use]
     pub fn new(image: &Image, world: World, options: Options) -> Self {
         let chip = world.chip_settings(CLKIN_HZ);
@@ -97,8 +98,8 @@ impl Instrument {
                     nonlinearity_lsb: current.nonlinearity_lsb,
                     nonlinearity_phase: current.nonlinearity_phase,
                     noise_lsb: current.noise_lsb,
-                    // The world's own measurement of the current has a non-linearity already, which
-                    // the bench has calibrated with.
+                    // The world's own measurement of the current already has a non-linearity, with
+                    // which the bench has calibrated.
                     wide_codes: false,
                     ..options.drive.converter
                 },
@@ -116,7 +117,7 @@ impl Instrument {
         }
     }
 
-    /// Waits until the image says who it is: before that it takes no commands.
+    /// Waits until the image sends its identity: before that it accepts no commands.
     ///
     /// # Errors
     /// [`ImageFailure`].
@@ -134,28 +135,28 @@ impl Instrument {
         &self.board
     }
 
-    /// The board, to disturb.
+    /// The board, to inject faults.
     pub const fn board_mut(&mut self) -> &mut EmulatedBoard<PressedWorld> {
         &mut self.board
     }
 
-    /// Runs the board for a time, which keeps the bytes on its channels.
+    /// Runs the board for a duration; the bytes on its channels stay there.
     ///
-    /// As [`EmulatedBoard::run_for`], which is generic and would be compiled with its caller: in a program that
-    /// is not optimised, a third as fast.
+    /// Equivalent to [`EmulatedBoard::run_for`], which is generic and would be compiled with its
+    /// caller: a third as fast in an unoptimised program.
     ///
     /// # Errors
-    /// [`Stop`]: what the emulation cannot follow.
+    /// [`Stop`] where the emulation cannot continue.
     pub fn run_for(&mut self, time: Time) -> Result<(), Stop> {
         self.board.run_for(time)
     }
 
-    /// The bytes of the log since the last call, as defmt encodes them.
+    /// Bytes of the log since the last call, as defmt encodes them.
     pub fn take_logs(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.logs)
     }
 
-    /// Frames that arrived damaged; a debug probe damages none.
+    /// Number of damaged frames; a debug probe damages none.
     #[must_use]
     pub const fn damaged(&self) -> u32 {
         self.damaged

@@ -1,51 +1,51 @@
-//! Why the emulation cannot go on.
+//! Reasons why the emulation stops.
 
 use std::fmt;
 
-/// Something the emulated board does not know how to do. It never guesses: what is not modelled
-/// ends the run here.
+/// An access or event that the emulated board cannot handle. It never guesses: anything that is not
+/// modelled ends the run here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// An access to a register that is not modelled.
     Unmodelled {
-        /// Where.
+        /// Address of the access.
         address: u32,
-        /// The instruction that did it.
+        /// Address of the instruction.
         pc: u32,
-        /// What it wrote, if it was not a read.
+        /// Written value; `None` for a read.
         written: Option<u32>,
     },
-    /// A value or an order of accesses that the model does not follow.
+    /// A value or an order of accesses that is not modelled.
     NotFollowed {
-        /// What.
+        /// Description.
         what: &'static str,
-        /// The instruction that did it.
+        /// Address of the instruction.
         pc: u32,
     },
-    /// An access to a peripheral that is held in reset.
+    /// An access to a peripheral in reset.
     InReset {
-        /// Where.
+        /// Address of the access.
         address: u32,
-        /// The instruction that did it.
+        /// Address of the instruction.
         pc: u32,
     },
-    /// Something that the chip forbids, and on which it would hang or return anything.
+    /// An access that the chip forbids: it would hang or return an arbitrary value.
     Misused {
-        /// What, and how it is done instead.
+        /// Description, with the right way to do it.
         what: &'static str,
-        /// The instruction that did it.
+        /// Address of the instruction.
         pc: u32,
     },
-    /// The expected event did not come in time.
+    /// The expected event did not happen in time.
     TimedOut,
 }
 
-/// Why a block does not take an access.
+/// Reason why a block refuses an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// The register, or this value of it, is not modelled.
     Unmodelled,
-    /// The chip forbids it: what, and how it is done instead.
+    /// The chip forbids the access: description, with the right way to do it.
     Misuse(&'static str),
 }
 

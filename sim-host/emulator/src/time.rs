@@ -1,20 +1,20 @@
-//! Time of the board: cycles of the processor as picoseconds.
+//! Time of the board: converts processor cycles to picoseconds.
 
 pub use ldc161x_sim::Time;
 
-/// Bits behind the point of a picosecond.
+/// Fractional bits of a picosecond.
 const FRACTION_BITS: u32 = 24;
 
-/// The wall time, driven by the processor's clock.
+/// Virtual time, driven by the processor's clock.
 ///
-/// A cycle is no whole number of picoseconds: 5000 for 200 MHz, but not where the crystal errs. The
-/// fraction is carried on, so that the error of a minute is below a nanosecond.
+/// A cycle is not a whole number of picoseconds: 5000 for 200 MHz, but not with a crystal error.
+/// The fraction is carried on, so the error over a minute is below a nanosecond.
 #[derive(Clone, Debug)]
 pub(crate) struct Clock {
     now_ps: u64,
     fraction: u64,
     hz: f64,
-    /// One cycle, in 2^-24 ps.
+    /// Length of a cycle, in 2^-24 ps.
     period: u64,
 }
 
@@ -28,13 +28,13 @@ impl Clock {
         }
     }
 
-    /// Another frequency from now on.
+    /// Changes the frequency from now on.
     pub(crate) fn set_frequency(&mut self, hz: f64) {
         self.hz = hz;
         self.period = period(hz);
     }
 
-    /// The processor's frequency.
+    /// Frequency of the processor, Hz.
     pub(crate) fn hz(&self) -> f64 {
         self.hz
     }
@@ -66,7 +66,7 @@ fn period(hz: f64) -> u64 {
     (1e12 / hz * f64::from(1u32 << FRACTION_BITS)).round() as u64
 }
 
-/// Picoseconds of a number of periods of a frequency.
+/// Duration of `count` periods of a frequency, ps.
 pub(crate) fn periods_ps(count: u64, hz: f64) -> u64 {
     (count as f64 * 1e12 / hz).round() as u64
 }

@@ -8,7 +8,7 @@ use crate::board::pins::{COIL_SLICE, pin};
 use crate::rp2040::gpio::{Gpio, function};
 use crate::rp2040::pwm::Pwm;
 
-/// What is traced.
+/// Traced signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     Sda,
@@ -20,7 +20,7 @@ pub(crate) enum Signal {
     Sleep,
     Fault,
     Led,
-    /// The last byte on the bus, from the end of its acknowledge on.
+    /// Last byte on the bus, valid from the end of its acknowledge.
     Byte,
     Current,
 }
@@ -56,7 +56,7 @@ impl Signal {
         }
     }
 
-    /// Kind and width of its variable.
+    /// Kind and width of the signal's variable.
     const fn kind(self) -> (VarType, u32) {
         match self {
             Self::Byte => (VarType::Reg, 8),
@@ -66,7 +66,7 @@ impl Signal {
     }
 }
 
-/// What a signal is.
+/// Value of a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum SignalValue {
     Level(bool),
@@ -74,7 +74,7 @@ pub(crate) enum SignalValue {
     Real(f64),
 }
 
-/// A signal is something from a time on.
+/// Value of a signal from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Change {
     pub(crate) at_ps: u64,
@@ -82,14 +82,14 @@ pub(crate) struct Change {
     pub(crate) value: SignalValue,
 }
 
-/// A trace of the board's pins and bus and of the coil's current. SDA and SCL are there bit by bit,
+/// A trace of the board's pins, its bus and the coil's current. It has SDA and SCL bit by bit, and
 /// IN1 and IN2 pulse by pulse.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// Not by time: bits of the bus are known at their end.
+    /// Not sorted by time: bits of the bus are known only at their end.
     changes: Vec<Change>,
     last: [Option<SignalValue>; Signal::ALL.len()],
-    /// Up to when the pulses of the PWM are traced.
+    /// End of the traced PWM pulses.
     pulses_ps: u64,
 }
 
@@ -98,7 +98,7 @@ impl Trace {
         self.changes.push(change);
     }
 
-    /// The pins that have a level of their own, and the bus where its master does not trace it.
+    /// Samples the pins with a level of their own, and the bus where its master does not trace it.
     pub(crate) fn sample_pins(&mut self, now_ps: u64, gpio: &Gpio, bus_is_idle: bool) {
         for (signal, pin) in [(Signal::Sda, pin::SDA), (Signal::Scl, pin::SCL)] {
             if bus_is_idle {
@@ -118,7 +118,7 @@ impl Trace {
         }
     }
 
-    /// The bridge's inputs up to a time. Called before anything changes them, and afterwards.
+    /// Samples the bridge's inputs up to a time. Must be called before they change, and afterwards.
     pub(crate) fn sample_pulses(&mut self, until_ps: u64, gpio: &Gpio, pwm: &Pwm) {
         for (signal, pin, channel_b) in [
             (Signal::In1, pin::IN1, false),
@@ -135,7 +135,7 @@ impl Trace {
         self.pulses_ps = until_ps;
     }
 
-    /// A signal is something now. What it has been already is not kept.
+    /// Sets the value of a signal; a repeated value is not stored.
     pub(crate) fn is(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
         let last = self.last.get_mut(signal as usize);
         if last.is_some_and(|last| last.replace(value) != Some(value)) {
@@ -147,17 +147,17 @@ impl Trace {
         }
     }
 
-    /// Something else traces the signal from now on.
+    /// Ends sampling of a signal that another source traces from now on.
     fn leave(&mut self, signal: Signal) {
         if let Some(last) = self.last.get_mut(signal as usize) {
             *last = None;
         }
     }
 
-    /// Writes the trace, in nanoseconds; to a file that ends with `.vcd`.
+    /// Writes the trace, in nanoseconds; the file name should end with `.vcd`.
     ///
     /// # Errors
-    /// Those of writing.
+    /// Errors of the writer.
     pub fn write(mut self, to: impl Write) -> io::Result<()> {
         self.changes.sort_by_key(|change| change.at_ps);
         let mut to = Writer::new(to);
@@ -197,7 +197,7 @@ fn write_changes(
         let (Some(&code), Some(last)) = (codes.get(index), last.get_mut(index)) else {
             continue;
         };
-        // The same byte again is news, the same level is none.
+        // A repeated byte is a new event, a repeated level is not.
         let is_byte = change.signal == Signal::Byte;
         if last.replace(change.value) == Some(change.value) && !is_byte {
             continue;

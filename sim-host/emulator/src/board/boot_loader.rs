@@ -1,4 +1,4 @@
-//! The board in the boot ROM's loader, which shows itself as a drive (RP2040 datasheet 2.8.4).
+//! The boot ROM's loader, which presents the board as a drive (RP2040 datasheet 2.8.4).
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -13,15 +13,15 @@ use crate::stop::Stop;
 
 use super::EmulatedBoard;
 
-/// Bit of the disabled interfaces that takes the drive away (2.8.3.1.5).
+/// Bit of the disabled interfaces that disables the drive (2.8.3.1.5).
 const NO_DRIVE: u32 = 1;
-/// From a whole UF2 to the reset (the boot ROM's source, `virtual_disk.c`), ms.
+/// Delay from a complete UF2 to the reset (the boot ROM's source, `virtual_disk.c`), ms.
 const REBOOT_MS: u32 = 1_000;
 
-/// How the boot loader was started.
+/// Start parameters of the boot loader.
 #[derive(Clone, Debug)]
 pub struct BootLoader {
-    /// Pins that show what the drive does, one bit each; 0 for none.
+    /// Pins that show the drive's activity, one bit each; 0 for none.
     pub activity_pins: u32,
     /// Bit 0: no drive; bit 1: no PICOBOOT.
     pub disabled_interfaces: u32,
@@ -38,21 +38,21 @@ impl BootLoader {
     }
 }
 
-/// Why a UF2 was not written to its end.
+/// Reason why a UF2 was not written completely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Uf2Error {
-    /// The board runs its firmware: it has to enter the boot loader first.
+    /// The board runs its firmware; it must enter the boot loader first.
     NotInBootLoader,
     /// The drive was disabled when the boot loader was started.
     NoDrive,
-    /// A block belongs elsewhere than into the 2 MiB of flash.
+    /// A block's target is outside of the 2 MiB of flash.
     Misplaced {
-        /// Where it belongs.
+        /// Target address.
         address: u32,
     },
-    /// The power failed; the board has started again with what flash it has.
+    /// The power failed; the board has restarted with the present content of its flash.
     PowerFailed,
-    /// What the emulation cannot follow.
+    /// The emulation stopped.
     Stopped(Stop),
 }
 
@@ -81,24 +81,24 @@ impl fmt::Display for Uf2Error {
 impl std::error::Error for Uf2Error {}
 
 impl<P: Plant> EmulatedBoard<P> {
-    /// Whether the board is in the boot ROM's loader, where nothing of the firmware runs and all
-    /// pins are as after a reset.
+    /// Whether the board is in the boot ROM's loader, which runs none of the firmware and leaves
+    /// all pins as after a reset.
     #[must_use]
     pub const fn is_in_boot_loader(&self) -> bool {
         self.boot_loader.is_some()
     }
 
-    /// How the boot loader was started, if the board is in it.
+    /// Start parameters of the boot loader; `None` if the board is not in it.
     #[must_use]
     pub const fn boot_loader(&self) -> Option<&BootLoader> {
         self.boot_loader.as_ref()
     }
 
     /// Writes a UF2 as the boot loader's drive does, block by block, in the time that the flash
-    /// takes; the time on the bus is left out. Blocks that are none of the RP2040's are passed over.
-    /// A sector is erased with every sixteenth block number, which is right for files of whole
-    /// sectors such as [`crate::Image::to_uf2`] makes. With the last block of a file the board
-    /// restarts into what is then in flash; before, it stays in the boot loader.
+    /// needs; the time on the bus is left out. Blocks for other chips are skipped. Every sixteenth
+    /// block number erases a sector, which is right for files of whole sectors such as
+    /// [`crate::Image::to_uf2`] makes. After the last block of a file the board restarts from the
+    /// flash; before, it stays in the boot loader.
     ///
     /// # Errors
     /// [`Uf2Error`].
@@ -139,7 +139,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.finish_writing()
     }
 
-    /// Lets time pass until the flash has taken what was begun.
+    /// Advances time until the flash has finished its operation.
     fn finish_writing(&mut self) -> Result<(), Uf2Error> {
         let restarts = self.resets;
         self.bus.service();

@@ -1,8 +1,8 @@
-//! The bridge's inputs.
+//! Inputs of the bridge.
 
 use crate::rp2040::pwm::Wave;
 
-/// What drives an input of the bridge.
+/// Source of a bridge input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum InputSource {
     /// A constant level.
@@ -11,12 +11,12 @@ pub(crate) enum InputSource {
     Pwm(usize),
 }
 
-/// The levels at the bridge's pins.
+/// Levels at the bridge's pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BridgeInputs {
-    /// nSLEEP is high.
+    /// Whether nSLEEP is high.
     pub awake: bool,
-    /// The bridge's limit is reduced, for its test.
+    /// Whether the bridge's current limit is reduced, for its test.
     pub limit_low: bool,
     pub(crate) sources: [InputSource; 2],
 }
@@ -39,7 +39,7 @@ impl BridgeInputs {
         })
     }
 
-    /// When an input next changes by itself.
+    /// Time at which an input next changes without an access.
     pub(crate) fn next_edge(&self, wave: &Wave, now_ps: u64) -> u64 {
         let edges = self.sources.into_iter().filter_map(|source| match source {
             InputSource::Level(_) => None,

@@ -1,5 +1,5 @@
-//! The circuit at the bridge and at the ADC's inputs: the coil, driven by the edges of the PWM and
-//! sampled by the conversions.
+//! Circuit of the coil, with the bridge and the ADC inputs: the edges of the PWM drive it, and the
+//! conversions sample it.
 
 use ldc161x_sim::{Chip, Time};
 use palpate_sim::electrical::{
@@ -11,51 +11,51 @@ use crate::board::bridge::BridgeInputs;
 use crate::board::plant::{Plant, PlantConditions};
 use crate::rp2040::pwm::Wave;
 
-/// How often the plant receives the coil's mean current since the last time, while there is any: every
-/// two periods of the bridge, over which the ripple averages out.
+/// Interval at which the plant receives the coil's mean current, if there is any: two periods of
+/// the bridge, over which the ripple averages out.
 const REPORT_PS: u64 = 32_000_000;
-/// Reports to one reading of the plant's conditions, which change slowly.
+/// Reports per reading of the plant's conditions, which change slowly.
 const REPORTS_PER_READING: u64 = 4;
-/// How often the conditions are read while there is no current.
+/// Interval at which the conditions are read while there is no current.
 const IDLE_PS: u64 = 1_000_000_000;
 /// Divider of the coil's supply: 100 kiloohm over 10 kiloohm, with its capacitor.
 const SUPPLY_RATIO: f64 = 11.0;
 const SUPPLY_TAU_S: f64 = 1e-3;
-/// Part of its limit to which the bridge limits with its input for the self-test low.
+/// Factor on the bridge's current limit while its self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
-/// The current amplifier.
+/// Gain of the current amplifier, V/A.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 
 /// Bridge and current measurement of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BridgeCircuit {
-    /// Limit of the bridge, A; infinite for one without.
+    /// Limit of the bridge, A; infinite for a bridge without one.
     pub limit_a: f64,
     /// Resistance of the bridge's transistors and wires, ohm.
     pub bridge_ohm: f64,
     /// Dead time, s.
     pub dead_s: f64,
-    /// From nSLEEP high to outputs that follow the inputs, s.
+    /// Wake-up time, s: from nSLEEP high until the outputs follow the inputs.
     pub wake_s: f64,
     /// Relative error of the current amplifier.
     pub gain_error: f64,
     /// Offset of the current amplifier, A.
     pub offset_a: f64,
-    /// The converter.
+    /// Errors of the converter.
     pub converter: ConverterParameters,
-    /// Fixed output of the current amplifier, V: it is stuck or frozen.
+    /// Fixed output of the current amplifier, V, if it is stuck or frozen.
     pub amplifier_v: Option<f64>,
-    /// What the converter makes of one sample of the current, the next, V.
+    /// Voltage that replaces the next sample of the current alone, V.
     pub wild_v: Option<f64>,
-    /// Fixed voltage of the thermometer's input, V: 3.3 of a thermistor that is open, 0 of a short.
+    /// Fixed voltage of the thermistor input, V: 3.3 for an open thermistor, 0 for a short.
     pub thermistor_v: Option<f64>,
     /// Whether the bridge pulls nFAULT.
     pub bridge_faults: bool,
 }
 
 impl Default for BridgeCircuit {
-    /// A common bridge; a converter with wide codes and two codes of noise.
+    /// A typical bridge; a converter with wide codes and two codes of noise.
     fn default() -> Self {
         let common = CircuitParameters::common(1.0, 1.0, 1.0);
         Self {
@@ -78,7 +78,7 @@ impl Default for BridgeCircuit {
     }
 }
 
-/// The circuit at its present.
+/// Circuit of the coil with its present state.
 #[derive(Clone, Debug)]
 pub(crate) struct EmulatedCoil {
     drive: BridgeCircuit,
@@ -89,7 +89,7 @@ pub(crate) struct EmulatedCoil {
     /// Coil and supply, as last read from the plant.
     conditions: PlantConditions,
     now_ps: u64,
-    /// When the plant last received its current, and the sums then.
+    /// Time of the last report to the plant, with the sums at that time.
     reported_ps: u64,
     reported: Totals,
 }
@@ -114,7 +114,7 @@ impl EmulatedCoil {
         coil
     }
 
-    /// The circuit's parameters at these conditions.
+    /// Sets the circuit's parameters for the present conditions.
     fn set_parameters(&mut self, limit_low: bool) {
         let (drive, conditions) = (&self.drive, &self.conditions);
         let limit_a = drive.limit_a * if limit_low { LIMIT_LOW } else { 1.0 };
@@ -148,31 +148,32 @@ impl EmulatedCoil {
         self.inputs
     }
 
-    /// Other inputs from the circuit's present on.
+    /// Sets the bridge's inputs from the circuit's present time on.
     pub(crate) fn set_inputs(&mut self, inputs: BridgeInputs) {
         self.set_parameters(inputs.limit_low);
         self.inputs = inputs;
     }
 
-    /// Whether the bridge pulls nFAULT: while it wakes as well, since its charge pump has no voltage yet.
+    /// Whether the bridge pulls nFAULT; it also does while it wakes, since its charge pump has no
+    /// voltage yet.
     pub(crate) fn has_fault(&self) -> bool {
         self.circuit.is_limiting() || self.circuit.is_waking() || self.drive.bridge_faults
     }
 
-    /// Whether nothing flows and nothing can.
+    /// Whether no current flows and none can.
     fn is_idle(&self) -> bool {
         !self.inputs.awake && self.circuit.current_a() == 0.0
     }
 
-    /// When the plant next receives the current: not before the present of the circuit, for which
-    /// that may be late where the bridge has just been woken.
+    /// Time of the next report to the plant: not before the circuit's present time, which may be
+    /// late where the bridge has just woken.
     pub(crate) fn report_ps(&self) -> u64 {
         let period_ps = if self.is_idle() { IDLE_PS } else { REPORT_PS };
         (self.reported_ps + period_ps).max(self.now_ps)
     }
 
-    /// Reports the current since the last report to the plant, and reads the plant's conditions where
-    /// that is due.
+    /// Reports the current since the last report to the plant, and reads the plant's conditions
+    /// when due.
     pub(crate) fn report<P: Plant>(&mut self, now_ps: u64, chip: &mut Chip<P>) {
         self.reported_ps = now_ps;
         if let Some((mean_a, ripple_a)) = self.current_since_report() {
@@ -189,8 +190,7 @@ impl EmulatedCoil {
         }
     }
 
-    /// Mean current since the last report, and its ripple, root mean square, A. Nothing if no time
-    /// has passed.
+    /// Mean current since the last report, and its ripple, A rms; `None` if no time has passed.
     fn current_since_report(&mut self) -> Option<(f64, f64)> {
         let now = self.circuit.totals();
         let before = std::mem::replace(&mut self.reported, now);
@@ -201,7 +201,7 @@ impl EmulatedCoil {
         })
     }
 
-    /// Lets time pass: the pins stay as they are, the PWM goes on.
+    /// Advances time with constant pins; the PWM continues.
     pub(crate) fn advance(&mut self, to_ps: u64, wave: &Wave) {
         let inputs = self.inputs;
         let before = self.circuit.totals();
@@ -228,7 +228,7 @@ impl EmulatedCoil {
         }
     }
 
-    /// The code of an input now; nothing for one that is not connected.
+    /// Code of an input; `None` for an unconnected one.
     pub(crate) fn convert(&mut self, input: usize) -> Option<u16> {
         let volts = match input {
             0 => {

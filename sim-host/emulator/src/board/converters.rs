@@ -1,8 +1,8 @@
-//! The converters on the bus, with the pins that they have besides the wires: SD and CLKIN.
+//! The converters on the bus, with their other pins: SD and CLKIN.
 
 use ldc161x_sim::{Ack, Chip, ExternalClock, Time};
 
-/// A second converter, with still sensors of these frequencies, Hz.
+/// A second converter, with sensors of constant frequencies, Hz.
 pub(crate) type SecondChip = Chip<[f64; 4]>;
 
 /// One converter or two.
@@ -32,14 +32,14 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         self.clkin_hz
     }
 
-    /// When one of them next does something.
+    /// Time of the next event of either converter.
     pub(crate) fn next_event(&self) -> Option<u64> {
         let second = self.second.as_ref().and_then(Chip::next_event);
         let events = [self.first.next_event(), second];
         events.into_iter().flatten().min().map(Time::as_ps)
     }
 
-    /// The levels of INTB; high without a converter.
+    /// Levels of INTB; high without a converter.
     pub(crate) fn intb(&self) -> [bool; 2] {
         let second = self.second.as_ref();
         [
@@ -48,7 +48,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         ]
     }
 
-    /// Takes the frequency at CLKIN.
+    /// Sets the frequency at CLKIN.
     pub(crate) fn set_clock(&mut self, now: Time, hz: Option<f64>) {
         if hz == self.clkin_hz {
             return;
@@ -63,7 +63,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         }
     }
 
-    /// Takes the levels of SD; returns which of them have changed.
+    /// Sets the levels of SD; returns which of them have changed.
     pub(crate) fn set_shutdown(&mut self, now: Time, levels: [bool; 2]) -> [bool; 2] {
         let before = std::mem::replace(&mut self.shut_down, levels);
         let changed = [levels[0] != before[0], levels[1] != before[1]];
@@ -80,7 +80,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         changed
     }
 
-    /// They lose their power and get it again.
+    /// Cuts and restores their power.
     pub(crate) fn cycle_power(&mut self, now: Time) {
         self.first.advance_to(now);
         self.first.brown_out();
@@ -96,28 +96,28 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         self.first.sda_held_low(now) || second.as_mut().is_some_and(|chip| chip.sda_held_low(now))
     }
 
-    /// Until when one of them holds SCL low.
+    /// Time until which one of them holds SCL low.
     pub(crate) fn scl_low_until(&mut self, now: Time) -> Option<Time> {
         let first = self.first.scl_held_until(now);
         let second = self.second.as_mut();
         first.max(second.and_then(|chip| chip.scl_held_until(now)))
     }
 
-    /// START with an address; whether one of them acknowledges it.
+    /// START with an address byte; returns whether one of them acknowledges it.
     pub(crate) fn start(&mut self, now: Time, byte: u8) -> bool {
         let second = self.second.as_mut().map(|chip| chip.start(now, byte));
         self.first.start(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
     }
 
-    /// A byte of the master; whether one of them acknowledges it.
+    /// A byte from the master; returns whether one of them acknowledges it.
     pub(crate) fn write(&mut self, now: Time, byte: u8) -> bool {
         let second = self.second.as_mut().map(|chip| chip.write(now, byte));
         self.first.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
     }
 
-    /// A byte for the master.
+    /// A byte to the master.
     pub(crate) fn read(&mut self, now: Time, ack: Ack) -> u8 {
-        // Wired AND: a converter that is not addressed leaves the wire high.
+        // Wired AND: an unaddressed converter leaves the wire high.
         let second = self.second.as_mut().map(|chip| chip.read(now, ack));
         self.first.read(now, ack) & second.unwrap_or(0xFF)
     }

@@ -1,4 +1,4 @@
-//! The board: the processor's core with everything around it, stepped through time.
+//! The board: the processor's core with all of its surroundings, stepped through time.
 
 mod boot_loader;
 pub(crate) mod bridge;
@@ -36,44 +36,45 @@ use crate::stop::Stop;
 use crate::trace::Trace;
 use crate::usb::UsbHost;
 
-/// Cycles of an exception's entry without waiting for memory (Cortex-M0+ TRM; the RP2040 has no
-/// jitter suppression).
+/// Cycles of an exception entry without wait states (Cortex-M0+ TRM; the RP2040 has no jitter
+/// suppression).
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
-/// How often the boot ROM looks for a second stage before it starts its loader, and how long each
-/// time takes with the ring oscillator as after a power on (RP2040 datasheet 2.8.1: half a second in all;
-/// the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, by the clock that it finds.
+/// Number of attempts of the boot ROM to find a second stage before it starts its loader, and the
+/// duration of each, with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half a
+/// second in total; the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, at the clock
+/// that it finds.
 const BOOT_ATTEMPTS: u32 = 128;
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
 
-/// In what one emulated board differs from another.
+/// Differences between emulated boards.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// True frequency of the crystal, Hz, from which everything is clocked; 0 for one that does not
+    /// True frequency of the crystal, Hz, the source of all clocks; 0 for a crystal that does not
     /// start.
     pub crystal_hz: f64,
-    /// Seed of the ring oscillator's chance, of the flash's identifier, and of what a cut of power
-    /// leaves in it.
+    /// Seed of the ring oscillator's random bit, of the flash's identifier, and of the effects of
+    /// power cuts on the flash.
     pub seed: u64,
-    /// How long the flash takes to erase and to program.
+    /// Duration of erasing and programming the flash.
     pub flash_times: FlashTimes,
-    /// Cycles for a line of flash that is not in the cache. 400 ns for a word, 50 cycles, were
-    /// measured at 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in
-    /// the same transfer, eight nibbles at half the processor's clock.
+    /// Cycles to fetch an uncached line of flash. 400 ns for a word, 50 cycles, were measured at
+    /// 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in the same
+    /// transfer, eight nibbles at half the processor's clock.
     pub miss_cycles: u32,
-    /// Rise of SCL, from the pull-ups and the load of the wire.
+    /// Rise time of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,
-    /// From a reset to the first instruction of the image, with the ring oscillator as after a power on: boot
-    /// ROM and second stage. Guess.
+    /// Time from a reset to the first instruction of the image, with the ring oscillator as after
+    /// power on: boot ROM and second stage. Guess.
     pub boot: Time,
-    /// What memory holds when the power comes: real memory holds anything.
+    /// Content of the RAM after power on; real memory has random content.
     pub ram_fill: u8,
     /// Bridge and current measurement.
     pub drive: BridgeCircuit,
-    /// Frequencies of the sensors of a second converter, Hz, at address 0x2B with INTB at GP9 and SD
-    /// at GP10; without one if nothing.
+    /// Sensor frequencies of a second converter, Hz, at address 0x2B with INTB at GP9 and SD at
+    /// GP10; `None` without a second converter.
     pub second_converter: Option<[f64; 4]>,
-    /// Whether what passes on the bus is kept.
+    /// Whether bus traffic is recorded.
     pub record: bool,
     /// Whether pins and current are traced.
     pub trace: bool,
@@ -97,12 +98,12 @@ impl Default for Options {
     }
 }
 
-/// Resets since the board first got its power.
+/// Number of resets since the board's first power on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResetCount {
-    /// By the watchdog, requested or not.
+    /// Resets by the watchdog, requested or not.
     pub watchdog: u32,
-    /// By a loss of power.
+    /// Resets by a loss of power.
     pub power: u32,
 }
 
@@ -147,8 +148,8 @@ impl<P: Plant> Clone for EmulatedBoard<P> {
 }
 
 impl<P: Plant> EmulatedBoard<P> {
-    /// A board that gets its power now, flashed with an image, with a converter of these settings.
-    /// Its clock input is what the firmware makes it, whatever the settings say.
+    /// A board that is powered now, flashed with an image, with a converter of these settings. The
+    /// firmware sets the converter's clock input, whatever the settings say.
     #[must_use]
     pub fn new(image: &Image, plant: P, chip: Settings, options: Options) -> Self {
         let second = options.second_converter.map(|sensors| {
@@ -177,8 +178,7 @@ impl<P: Plant> EmulatedBoard<P> {
         board
     }
 
-    /// What boot ROM and second stage do: they find the flash and start the image in it, or the
-    /// loader.
+    /// Runs boot ROM and second stage: they find the flash and start its image, or the loader.
     fn start(&mut self) {
         if let Some(profile) = &mut self.profile {
             profile.interrupted();
@@ -198,13 +198,13 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// What takes the boot ROM so long with the ring oscillator as after a power on.
+    /// Boot ROM time, given its usual time with the ring oscillator as after power on.
     fn by_the_ring(&self, usual: Time) -> Time {
         let times = BOOT_HZ / self.bus.clock.hz();
         Time::from_ps((usual.as_ps() as f64 * times) as u64)
     }
 
-    /// An erase that a reset has interrupted goes on, and the flash does not answer meanwhile.
+    /// An erase that a reset has interrupted continues, and the flash does not answer meanwhile.
     fn finds_second_stage(&mut self) -> bool {
         let mut attempts = 1;
         while !self.bus.has_second_stage() && attempts < BOOT_ATTEMPTS {
@@ -214,7 +214,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.has_second_stage()
     }
 
-    /// What the second stage does last: stack and entry from the vector table.
+    /// Last part of the second stage: stack and entry from the vector table.
     fn start_image(&mut self) {
         self.bus.enter_quad_xip();
         self.bus.private.ppb.vtor = VECTORS;
@@ -237,17 +237,18 @@ impl<P: Plant> EmulatedBoard<P> {
         self.start();
     }
 
-    /// Cuts the board's power and gives it back at once. What is in RAM is lost, an erase or a
-    /// program that runs stays half done, and the board starts as it does when it first gets its
-    /// power. Flash, time, and what is outside of the board go on.
+    /// Cuts the board's power and restores it at once. The RAM is lost, a running erase or program
+    /// stays half done, and the board starts as at its first power on. Flash, time and the outside
+    /// of the board continue.
     pub fn cycle_power(&mut self) {
         self.resets.power += 1;
         self.bus.cycle_power();
         self.start();
     }
 
-    /// Lets the core's supply fall to a voltage for a moment, V. The chip restarts where its brown-out detection
-    /// sees it, as after a cut of power; otherwise it goes on, which ends the run where it may not.
+    /// Lets the core's supply dip to a voltage, V. The chip restarts if its brown-out detection
+    /// sees the dip, as after a power cut; otherwise it continues, which stops the run where that
+    /// is not allowed.
     pub fn dip_core_voltage(&mut self, to_v: f64) {
         if self.bus.restarts_at(to_v) {
             self.cycle_power();
@@ -256,16 +257,16 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- time ----
 
-    /// The present, since the power came.
+    /// Time since power on.
     #[must_use]
     pub fn now(&self) -> Time {
         self.bus.clock.now()
     }
 
-    /// Runs for a time.
+    /// Runs for a duration.
     ///
     /// # Errors
-    /// [`Stop`]: what the emulation cannot follow.
+    /// [`Stop`] where the emulation cannot continue.
     pub fn run_for(&mut self, time: Time) -> Result<(), Stop> {
         let end_ps = (self.now() + time).as_ps();
         while self.bus.clock.now_ps() < end_ps {
@@ -274,10 +275,10 @@ impl<P: Plant> EmulatedBoard<P> {
         Ok(())
     }
 
-    /// Runs until a condition is true, which is checked after every instruction.
+    /// Runs until a condition is true; it is checked after every instruction.
     ///
     /// # Errors
-    /// [`Stop::TimedOut`] after the limit, or what the emulation cannot follow.
+    /// [`Stop::TimedOut`] after the limit, or where the emulation cannot continue.
     pub fn run_until(
         &mut self,
         limit: Time,
@@ -337,8 +338,8 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Lets the time pass for which the next instruction is not there yet, in which other things
-    /// happen, and returns it in cycles: what the instruction does it does afterwards.
+    /// Advances through the wait for the next instruction, during which other events happen, and
+    /// returns it in cycles. The instruction takes effect afterwards.
     #[inline]
     fn fetch(&mut self) -> u64 {
         self.bus.stall = 0;
@@ -373,7 +374,7 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Wakes the core if it waits, and enters the handler of the most urgent interrupt.
+    /// Wakes a waiting core, and enters the handler of the most urgent interrupt.
     fn take_interrupt(&mut self) {
         self.bus.private.parked = false;
         if self.core.is_halted() && !self.is_locked_up() {
@@ -387,7 +388,7 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Whether the core has given up: a fault within the fault's handler.
+    /// Whether the core is locked up: a fault within the fault handler.
     #[must_use]
     pub fn is_locked_up(&self) -> bool {
         let last = self.core.regs.pc().wrapping_sub(2);
@@ -396,7 +397,7 @@ impl<P: Plant> EmulatedBoard<P> {
             && self.bus.memory.word(last) & 0xFFFF != WFI
     }
 
-    /// Exception entry (ARMv6-M architecture, B1.5.6), by hand: the core's own knows no
+    /// Exception entry (ARMv6-M architecture, B1.5.6); the core crate's own entry has no
     /// preemption.
     fn enter(&mut self, exception: u32) {
         use rp2040_emu::core::CoreBus;
@@ -447,7 +448,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- the debug probe ----
 
-    /// Takes a result from the ADC's FIFO, as a probe does that shows its registers.
+    /// Reads a result from the ADC's FIFO, as a probe does that shows its registers.
     pub fn read_adc_fifo(&mut self) -> u16 {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.adc_mut().take_from_fifo()
@@ -457,14 +458,14 @@ impl<P: Plant> EmulatedBoard<P> {
         self.image.symbol("_SEGGER_RTT")
     }
 
-    /// Takes the bytes that wait in a channel from the firmware, as a probe does.
+    /// Reads the bytes that the firmware has sent on a channel, as a probe does.
     pub fn read_channel(&mut self, channel: u32) -> Vec<u8> {
         self.control_block()
             .map(|block| rtt::read(&mut self.bus.memory, block, channel))
             .unwrap_or_default()
     }
 
-    /// Puts bytes into a channel to the firmware; returns how many there was room for.
+    /// Writes bytes to a channel of the firmware; returns how many fitted.
     pub fn write_channel(&mut self, channel: u32, bytes: &[u8]) -> usize {
         self.control_block().map_or(0, |block| {
             rtt::write(&mut self.bus.memory, block, channel, bytes)
@@ -484,7 +485,7 @@ impl<P: Plant> EmulatedBoard<P> {
             .invalidate_decode_cache_entries(&[address, address + 2]);
     }
 
-    /// The image's symbols.
+    /// The image, with its symbols.
     #[must_use]
     pub const fn image(&self) -> &Image {
         &self.image
@@ -496,37 +497,37 @@ impl<P: Plant> EmulatedBoard<P> {
         &self.bus.memory.flash
     }
 
-    /// The flash chip, to disturb or to replace what it holds.
+    /// The flash chip, to inject faults or to replace its contents.
     pub const fn flash_mut(&mut self) -> &mut Flash {
-        // What has changed is looked at before the next instruction but one.
+        // A change takes effect before the next instruction but one.
         self.bus.next_event_ps = 0;
         &mut self.bus.memory.flash
     }
 
-    /// Where the core is.
+    /// Program counter of the core.
     #[must_use]
     pub fn pc(&self) -> u32 {
         self.core.regs.pc()
     }
 
-    /// Puts the core elsewhere.
+    /// Sets the program counter.
     pub fn set_pc(&mut self, pc: u32) {
         self.core.regs.set_pc(pc & !1);
         self.bus.private.parked = false;
         self.core.wake();
     }
 
-    /// The number of the exception that runs, 0 for none.
+    /// Number of the active exception, 0 for none.
     #[must_use]
     pub fn exception(&self) -> u32 {
         self.core.regs.ipsr()
     }
 
-    // ---- what is wired to it ----
+    // ---- external parts ----
 
-    /// The second converter, to schedule faults and to read its record; nothing without one.
+    /// The second converter, to schedule faults and to read its record; `None` without one.
     pub const fn second_chip_mut(&mut self) -> Option<&mut Chip<[f64; 4]>> {
-        // What is scheduled may be due at once.
+        // A scheduled fault may be due at once.
         self.bus.next_event_ps = 0;
         self.bus.wire.converters.second.as_mut()
     }
@@ -537,9 +538,9 @@ impl<P: Plant> EmulatedBoard<P> {
         &self.bus.wire.converters.first
     }
 
-    /// The converter, to disturb.
+    /// The converter, to inject faults.
     pub const fn chip_mut(&mut self) -> &mut Chip<P> {
-        // What is scheduled may be due before what was known.
+        // A scheduled fault may precede the next known event.
         self.bus.next_event_ps = 0;
         &mut self.bus.wire.converters.first
     }
@@ -549,64 +550,65 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.wire.converters.first.sensors_mut()
     }
 
-    /// Arms a disturbance of a wire for the next transaction.
+    /// Arms a fault of a wire for the next transaction.
     pub fn disturb(&mut self, fault: LineFault) {
         self.bus.wire.arm(fault);
     }
 
-    /// Ends every disturbance of the wires.
+    /// Ends every fault of the wires.
     pub fn release(&mut self) {
         self.bus.wire.release();
         self.bus.next_event_ps = 0;
     }
 
-    /// Whether a wire is held by a disturbance, or will be.
+    /// Whether a fault of a wire is active or armed.
     #[must_use]
     pub fn is_disturbed(&self) -> bool {
         self.bus.wire.is_disturbed(self.bus.clock.now_ps())
     }
 
-    /// Whether the firmware's master does nothing.
+    /// Whether the firmware's I2C master is idle.
     #[must_use]
     pub fn bus_is_idle(&self) -> bool {
         self.bus.i2c.is_idle()
     }
 
-    /// Whether the firmware has taken the bus's wires from the block, to free them by hand.
+    /// Whether the firmware drives the bus's wires as plain pins, to free the bus.
     #[must_use]
     pub fn bus_is_taken(&self) -> bool {
         let is_plain = |pin| self.bus.gpio.function(pin) == function::SIO;
         is_plain(pin::SDA) && is_plain(pin::SCL)
     }
 
-    /// The host at the USB cable. Nothing is plugged in until `plug`.
+    /// The host at the USB cable. The cable is unplugged until `plug`.
     #[must_use]
     pub const fn usb(&self) -> &UsbHost {
         &self.bus.usb.host
     }
 
-    /// The host at the USB cable, to tell it what to do.
+    /// The host at the USB cable, to send it orders.
     pub const fn usb_mut(&mut self) -> &mut UsbHost {
-        // What is ordered begins with the next step.
+        // Orders take effect with the next step.
         self.bus.next_event_ps = 0;
         &mut self.bus.usb.host
     }
 
-    /// The latest time within a frame of USB at which the firmware made a bulk IN packet available that the
-    /// host has taken, up to 998 us. From 800 us on the controller may hang (RP2040 erratum E15).
+    /// Latest time within a USB frame at which the firmware made a bulk IN packet available that
+    /// the host has read, up to 998 us. From 800 us on the controller may hang (RP2040 erratum
+    /// E15).
     #[must_use]
     pub const fn usb_latest_bulk(&self) -> Time {
         self.bus.usb.latest_bulk()
     }
 
-    /// How often a setup packet came while a packet of endpoint 0 was available, which the controller then sends
-    /// as an answer to it.
+    /// Number of setup packets that arrived while a packet of endpoint 0 was available, which the
+    /// controller then sends as their answer.
     #[must_use]
     pub const fn usb_answered_before(&self) -> u32 {
         self.bus.usb.answered_before()
     }
 
-    /// The levels at the bridge's pins.
+    /// Levels at the bridge's pins.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {
         self.bus.coil.inputs()
@@ -618,55 +620,54 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.gpio.level(pin::LED)
     }
 
-    /// The longest time from one feeding of the watchdog to the next, since the last call.
+    /// Longest interval between two feedings of the watchdog since the last call.
     pub const fn take_longest_unfed(&mut self) -> Time {
         Time::from_ps(self.bus.watchdog.take_longest_unfed_ps())
     }
 
-    /// The coil's current, A.
+    /// Coil current, A.
     #[must_use]
     pub const fn current_a(&self) -> f64 {
         self.bus.coil.circuit().current_a()
     }
 
-    /// What has flowed up to the present. The circuit itself is advanced when its state is read,
-    /// and may be some of a period behind.
+    /// Sums of the circuit up to now. The circuit itself advances only when its state is read, and
+    /// may lag by part of a period.
     pub fn totals(&mut self) -> Totals {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.coil.circuit().totals()
     }
 
-    /// When the levels of the bridge's PWM were written, since the last call.
+    /// Write times of the bridge's PWM levels since the last call.
     pub fn take_level_times(&mut self) -> LevelTimes {
         self.bus.pwm.take_level_times()
     }
 
-    /// The coil's circuit, brought to the present: it goes on only where something is to be seen of
-    /// it.
+    /// The coil's circuit, advanced to the present: it only advances when something reads it.
     #[must_use]
     pub fn circuit(&mut self) -> &Circuit {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.coil.circuit()
     }
 
-    /// The coil's circuit, to disturb; what the plant says of coil and supply comes back with its
-    /// next reading.
+    /// The coil's circuit, to inject faults; the plant's next reading restores the values of coil
+    /// and supply.
     pub const fn circuit_mut(&mut self) -> &mut Circuit {
         self.bus.coil.circuit_mut()
     }
 
-    /// Bridge and measurement, to disturb; the converter of the current stays as it is.
+    /// Bridge and measurement, to inject faults; the converter of the current stays as it is.
     pub const fn drive_mut(&mut self) -> &mut BridgeCircuit {
         self.bus.coil.drive_mut()
     }
 
-    /// What was kept of the bus, if it was to be.
+    /// Record of the bus; `None` if it was not enabled.
     #[must_use]
     pub const fn wire_log(&self) -> Option<&WireLog> {
         self.bus.wire.log.as_ref()
     }
 
-    /// Ends the trace and returns it, if one was made.
+    /// Ends the trace and returns it; `None` if it was not enabled.
     pub fn take_trace(&mut self) -> Option<Trace> {
         self.bus.wire.changes = None;
         self.bus.trace.take()
@@ -674,7 +675,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- counts ----
 
-    /// The count of the microsecond timer, which is the image's clock.
+    /// Count of the microsecond timer, the image's clock.
     #[must_use]
     pub fn timer_us(&self) -> u64 {
         self.bus.timer.count(self.bus.clock.now_ps())
@@ -687,37 +688,37 @@ impl<P: Plant> EmulatedBoard<P> {
         (self.bus.clock.hz(), clkin_hz)
     }
 
-    /// Resets since the board got its power.
+    /// Resets since power on.
     #[must_use]
     pub const fn resets(&self) -> ResetCount {
         self.resets
     }
 
-    /// Instructions so far.
+    /// Number of instructions so far.
     #[must_use]
     pub const fn instructions(&self) -> u64 {
         self.instructions
     }
 
-    /// The time in which the core has slept.
+    /// Time for which the core has slept.
     #[must_use]
     pub fn time_asleep(&self) -> Time {
         Time::from_ps(self.asleep_ps)
     }
 
-    /// Begins to count where the cycles go, from nothing. What functions at shared addresses cost,
-    /// as those of soft floating point do, is charged to their callers. Takes some time for every
-    /// instruction, and none before the first call.
+    /// Starts a profile of the processor's cycles, from zero. The cost of functions at shared
+    /// addresses, such as soft floating point, is charged to their callers. The profile slows down
+    /// every instruction; without it there is no cost.
     pub fn profile(&mut self, shared: &[Range<u32>]) {
         self.profile = Some(Box::new(Profile::new(&self.image, shared)));
     }
 
-    /// Ends the count and returns it.
+    /// Ends the profile and returns it.
     pub fn take_profile(&mut self) -> Option<Profile> {
         self.profile.take().map(|profile| *profile)
     }
 
-    /// Hits and misses of the flash's cache, lines fetched one after the other counted once.
+    /// Hits and misses of the flash's cache; consecutive fetches from one line count once.
     #[must_use]
     pub const fn cache(&self) -> (u64, u64) {
         (self.bus.memory.cache.hits, self.bus.memory.cache.misses)

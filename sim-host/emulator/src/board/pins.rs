@@ -1,6 +1,6 @@
-//! The board's pins and slices of the PWM by their role, as docs/firmware.md wires them.
+//! Pins and PWM slices of the board by role, as wired in docs/firmware.md.
 
-/// Pins of the bank.
+/// Pin numbers.
 pub(crate) mod pin {
     pub(crate) const SDA: usize = 4;
     pub(crate) const SCL: usize = 5;
@@ -16,13 +16,14 @@ pub(crate) mod pin {
     pub(crate) const CLKIN: usize = 21;
     pub(crate) const VBUS: usize = 24;
     pub(crate) const LED: usize = 25;
-    /// Coil current, thermistor, supply, and a third of VSYS, which a Raspberry Pi Pico connects.
+    /// ADC pins: coil current, thermistor, supply, and a third of VSYS, which a Raspberry Pi Pico
+    /// connects.
     pub(crate) const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 }
 
-/// The PWM slice of the coil.
+/// PWM slice of the coil.
 pub(crate) const COIL_SLICE: usize = 0;
-/// The PWM slice that counts the falling edges of INTB.
+/// PWM slice that counts the falling edges of INTB.
 pub(crate) const EDGE_SLICE: usize = 3;
-/// The same for the second converter.
+/// PWM slice that counts the falling edges of the second converter's INTB.
 pub(crate) const SECOND_EDGE_SLICE: usize = 4;

@@ -1,22 +1,22 @@
-//! The plant behind the converter: the sensor with what presses it.
+//! The plant behind the converter: the sensor with the object pressed on it.
 
 use std::cell::RefCell;
 
 use ldc161x_sim::{Sensors, Time, Window};
 use palpate_sim::world::World;
 
-/// What is measured besides the sensor.
+/// Measured quantities other than the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlantConditions {
     /// Temperature of the coil's thermometer, degrees Celsius.
     pub coil_c: f64,
-    /// Supply of the coil without load, V, and its resistance, ohm.
+    /// No-load supply of the coil, V, with its resistance, ohm.
     pub supply_v: f64,
     /// See [`supply_v`](Self::supply_v).
     pub supply_ohm: f64,
     /// Resistance of the coil at its present temperature, ohm.
     pub coil_ohm: f64,
-    /// Its inductance, H.
+    /// Inductance of the coil, H.
     pub inductance_h: f64,
 }
 
@@ -32,29 +32,29 @@ impl Default for PlantConditions {
     }
 }
 
-/// Resonators for the converter, moved by time and the coil's current.
+/// Resonators for the converter, which depend on time and on the coil's current.
 pub trait Plant: Sensors + Clone {
-    /// Lets time pass.
+    /// Advances to a time.
     fn advance_to(&mut self, time: Time);
-    /// Sets the coil's mean current and its ripple, root mean square, A, from its present time on.
+    /// Sets the coil's mean current and its ripple, A rms, from the plant's present time on.
     fn set_current(&mut self, mean_a: f64, ripple_a: f64);
-    /// What is measured besides, now.
+    /// Other measured quantities at the present time.
     fn conditions(&self) -> PlantConditions {
         PlantConditions::default()
     }
 }
 
-/// Sensors of fixed frequencies, Hz, by channel, which may all drift.
+/// Sensors of constant frequencies, Hz, by channel, with a common drift.
 #[derive(Clone, Debug)]
 pub struct Still {
-    /// The frequencies at time zero.
+    /// Frequencies at time zero.
     pub frequencies_hz: [f64; 4],
-    /// What they gain a second.
+    /// Drift, Hz per second.
     pub drift_hz_per_s: f64,
 }
 
 impl Still {
-    /// Sensors of these frequencies.
+    /// Sensors of these frequencies, without drift.
     #[must_use]
     pub const fn new(frequencies_hz: [f64; 4]) -> Self {
         Self {
@@ -77,13 +77,13 @@ impl Plant for Still {
     fn set_current(&mut self, _: f64, _: f64) {}
 }
 
-/// A [`World`] of its own: the sensing coil on channel 0, nothing on the others. A clone is a
-/// snapshot, which a `SharedWorld` cannot give.
+/// An owned [`World`]: the sensing coil is on channel 0, the other channels have none. A clone is a
+/// snapshot, unlike a clone of `SharedWorld`.
 #[derive(Clone, Debug)]
 pub struct PressedWorld(RefCell<World>);
 
 impl PressedWorld {
-    /// Takes a world.
+    /// Wraps a world.
     #[must_use]
     pub const fn new(world: World) -> Self {
         Self(RefCell::new(world))

@@ -1,4 +1,4 @@
-//! The boot ROM's functions, called as firmware calls them, on a board without firmware.
+//! Functions of the boot ROM, called as firmware calls them, on a board without firmware.
 
 use ldc161x_sim::Settings;
 use rp2040_emu::core::CoreBus;
@@ -10,12 +10,12 @@ use crate::image::FLASH;
 
 type Board = EmulatedBoard<Still>;
 
-/// Where the functions return to, a loop in RAM.
+/// Return address of the functions: a loop in RAM.
 const RETURN: u32 = 0x2000_0000;
 const DATA: u32 = 0x2000_1000;
 /// `b .`, twice.
 const LOOP: u32 = 0xE7FE_E7FE;
-/// Byte behind the code of the image, to recognise it.
+/// Byte after the code of the image, to recognise it.
 const FILL: u8 = 0x5A;
 const CYCLES_6_5_MHZ: f64 = 6.5e6;
 
@@ -34,7 +34,7 @@ fn board() -> Board {
     board_with(Options::default())
 }
 
-/// Calls code at an address, and returns r0 when it has returned.
+/// Calls code at an address, and returns its r0.
 fn run(board: &mut Board, address: u32, arguments: [u32; 4]) -> Result<u32, Stop> {
     board.core.regs.r[..4].copy_from_slice(&arguments);
     board.core.regs.r[14] = RETURN | 1;
@@ -47,7 +47,7 @@ fn pointer(board: &Board, address: u32) -> u32 {
     board.peek(address & !3) >> (8 * (address & 2)) & 0xFFFF
 }
 
-/// What the ROM's lookup finds in the table whose pointer lies at an address.
+/// Result of the ROM's lookup in the table whose pointer is at an address.
 fn look_up(board: &mut Board, table: u32, code: [u8; 2]) -> u32 {
     let code = u32::from(u16::from_le_bytes(code));
     let (lookup, table) = (pointer(board, 0x18), pointer(board, table));
@@ -81,7 +81,7 @@ fn fill_data(board: &mut Board, word: u32, bytes: u32) {
     }
 }
 
-/// Reads a word as an instruction does.
+/// Reads a word as an instruction does; returns it with its wait cycles.
 fn load(board: &mut Board, address: u32) -> (u32, u32) {
     board.bus.stall = 0;
     let word = board.bus.read32(address);
@@ -299,7 +299,7 @@ fn flash_that_cannot_be_read_ends_the_run_with_the_reason() {
     assert_eq!(reason(&mut board), "");
     call(&mut board, b"EX", [0; 4]).unwrap();
     assert!(reason(&mut board).contains("not in XIP mode"));
-    // Each of the windows, and neither ROM nor RAM.
+    // Each of the flash windows, and neither ROM nor RAM.
     for window in [
         0x1000_0000,
         0x1100_0000,
@@ -342,7 +342,7 @@ fn reads_by_command_cost_96_clocks_a_line_and_the_flushed_cache_is_empty() {
     board.flash_mut().flip_bit(0x1003, 0);
     assert_eq!(load(&mut board, FLASH + 0x1000), (0xFEFF_FFFF, 66));
     assert_eq!(load(&mut board, FLASH + 0x1004).1, 0);
-    // Past the cache: what it has, without keeping more; a word alone.
+    // Past the cache: cached content is used, without filling another line; a word alone.
     assert_eq!(load(&mut board, 0x1100_1000).1, 0);
     assert_eq!(load(&mut board, 0x1100_2000).1, 50);
     assert_eq!(load(&mut board, 0x1100_2000).1, 50);
@@ -360,7 +360,7 @@ fn reads_by_command_cost_96_clocks_a_line_and_the_flushed_cache_is_empty() {
 
 #[test]
 fn new_code_in_flash_is_what_runs() {
-    // movs r0, #1; bx lr, and the same with 2.
+    // movs r0, #1; bx lr, and likewise with 2.
     let code = |value: u32| 0x4770_2000 | value;
     let mut board = board();
     for value in [1, 2] {
@@ -397,7 +397,7 @@ fn an_instruction_that_has_to_be_fetched_first_writes_when_it_is_there() {
 
 // ---- interrupts ----
 
-/// Lets interrupt 0 count in RAM: its handler adds one to the word at `DATA`.
+/// Counts interrupt 0 in RAM: its handler adds one to the word at `DATA`.
 fn count_interrupts(board: &mut Board) {
     const TABLE: u32 = 0x2000_2000;
     const HANDLER: u32 = 0x2000_2100;
@@ -453,7 +453,7 @@ fn call_again(board: &mut Board, function: u32) -> Result<u32, Stop> {
     run(board, function, [0; 4])
 }
 
-// ---- commands by hand ----
+// ---- commands through registers ----
 
 const SSI: u32 = 0x1800_0000;
 const SELECT: u32 = 0x4001_800C;
@@ -501,7 +501,7 @@ fn a_program_by_hand_shows_in_the_status_until_it_is_done() {
     assert_eq!(command(&mut board, &[0x05, 0])[1], 0b11);
     board.bus.boot_delay(Time::from_us(400));
     assert_eq!(command(&mut board, &[0x05, 0])[1], 0);
-    // Within the page: behind its last byte comes its first.
+    // Within the page: after its last byte comes its first.
     assert_eq!(board.flash().bytes(0x10FE, 3), [0xFF, 0x12, 0xFF]);
     assert_eq!(board.flash().byte(0x1000), 0x34);
 }
@@ -514,7 +514,7 @@ fn bytes_take_eight_clocks_each_and_wait_in_queues_of_sixteen() {
     for _ in 0..4 {
         board.bus.write32(SSI + 0x60, 0x05);
     }
-    // The first is being sent; three wait.
+    // The first byte is in transmission; three wait.
     assert_eq!(board.bus.read32(SSI + 0x20), 3);
     assert_eq!(board.bus.read32(SSI + 0x28), 0b00011);
     // 48 cycles of 6.5 MHz.
@@ -570,7 +570,7 @@ fn misuse_of_the_controller_ends_the_run_with_its_reason() {
 #[test]
 fn a_command_to_flash_in_continuous_read_ends_the_run() {
     let mut board = board();
-    // The format of bytes, but no exit.
+    // The format of byte transfers, but no exit from XIP.
     for (address, value) in [
         (SSI + 8, 0),
         (SSI, 7 << 16),
@@ -606,7 +606,7 @@ fn what_a_second_stage_writes_brings_quad_reads_back() {
             board.bus.write32(SSI + offset, value);
         }
     };
-    // Status register 2 through bytes: quad is enabled.
+    // Status register 2 by byte transfers: quad is enabled.
     write(
         &mut board,
         &[(0x08, 0), (0x14, 2), (0xF0, 1), (0x00, 7 << 16), (0x08, 1)],
@@ -633,7 +633,7 @@ fn what_a_second_stage_writes_brings_quad_reads_back() {
 
 // ---- resets and power ----
 
-/// Begins to erase 64 KiB from 0 on without waiting for it.
+/// Starts to erase 64 KiB from an address on without waiting for the end.
 fn begin_erase(board: &mut Board, address: u32) {
     leave_xip(board);
     let function = look_up(board, 0x14, *b"RE");
@@ -643,7 +643,7 @@ fn begin_erase(board: &mut Board, address: u32) {
     assert!(board.flash().is_busy());
 }
 
-/// Lets the watchdog reset the chip at once.
+/// Makes the watchdog reset the chip at once.
 fn reset(board: &mut Board) {
     board.bus.write32(0x4001_0008, 0x1_FFFC);
     board.bus.write32(0x4005_8000, 1 << 31);
@@ -677,7 +677,7 @@ fn a_reset_in_an_erase_beyond_half_a_second_ends_in_the_boot_loader() {
     assert!((Time::from_ms(500)..Time::from_ms(530)).contains(&board.now()));
 }
 
-/// The ring oscillator at 52 MHz, and a reset by the watchdog of all stages that `stages` has.
+/// The ring oscillator at 52 MHz, and a watchdog reset of all stages in `stages`.
 fn reset_at_52_megahertz(board: &mut Board, stages: u32) {
     board.bus.write32(0x4006_0010, 0xAA2);
     board.bus.write32(0x4001_0008, stages);
@@ -717,7 +717,7 @@ fn a_cut_of_power_keeps_the_flash_and_loses_the_rest() {
     let mut board = board();
     board.flash_mut().flip_bit(0x1000, 3);
     board.bus.write32(0x4005_800C, 7);
-    // 1.15 V, which a reset by the watchdog would keep.
+    // 1.15 V, which a watchdog reset would keep.
     board.bus.write32(0x4006_4000, 0xC1);
     let begun = board.now();
     board.cycle_power();
@@ -907,7 +907,7 @@ fn power_cut_at_any_operation_of_an_update_ends_in_the_boot_loader_or_in_a_whole
         );
         assert_eq!(board.resets().power, 1);
         if !board.is_in_boot_loader() {
-            // The second stage is there, and its page was the first.
+            // The second stage is present, and its page was the first.
             assert!(number > 1, "{number}");
             board.core.halt();
             board.start_boot_loader([0; 2]);

@@ -1,4 +1,4 @@
-//! The two wires of the bus with the converter on them, and what can go wrong with the wires.
+//! The two wires of the bus with the converters on them, and faults of the wires.
 
 use ldc161x_sim::{Ack, Chip, Time, TrueConversion};
 
@@ -6,23 +6,23 @@ use crate::board::converters::{Converters, SecondChip};
 use crate::board::plant::Plant;
 use crate::trace::{Change, Signal, SignalValue};
 
-/// A disturbance of a wire, from outside of both chips.
+/// A fault of a wire, caused outside of both chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
     /// SDA is pulled low from a bit of the next transaction on.
     SdaLow {
-        /// Bits of the transaction that pass before.
+        /// Number of the transaction's bits before the fault.
         bit: u32,
-        /// How long; without end if nothing.
+        /// Duration; without end if `None`.
         lasting: Option<Time>,
-        /// Pulses of SCL that end it, as when a target was cut off within a byte.
+        /// SCL pulses that end it, as when a target was interrupted within a byte.
         clocks: Option<u32>,
     },
     /// SCL is held low from a bit of the next transaction on.
     SclHeld {
-        /// Bits of the transaction that pass before.
+        /// Number of the transaction's bits before the fault.
         bit: u32,
-        /// How long; without end if nothing.
+        /// Duration; without end if `None`.
         lasting: Option<Time>,
     },
 }
@@ -35,20 +35,20 @@ impl LineFault {
     }
 }
 
-/// What has passed on the bus, kept with [`crate::Options::record`].
+/// Record of the bus, enabled by [`crate::Options::record`].
 #[derive(Clone, Debug, Default)]
 pub struct WireLog {
     /// Conversions in the order in which the firmware fetched their results.
     pub fetched: Vec<TrueConversion>,
-    /// From a falling edge of INTB that met a free bus to the START of the next transaction.
+    /// Delays from a falling edge of INTB on an idle bus to the START of the next transaction.
     pub edge_to_start: Vec<Time>,
-    /// Falling edges of INTB.
+    /// Times of the falling edges of INTB.
     pub edges: Vec<Time>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Hold {
-    /// Until when the wire is low.
+    /// Time until which the wire is low.
     until_ps: u64,
     clocks: Option<u32>,
 }
@@ -68,12 +68,12 @@ pub(crate) struct Wire<P> {
     sda: Hold,
     scl: Hold,
     in_transaction: bool,
-    /// Bits since its START.
+    /// Number of bits since the START.
     bits: u32,
     last_edge_ps: Option<u64>,
-    /// Levels while the pins are driven as plain outputs.
+    /// Levels while the pins are plain outputs.
     plain: Option<(bool, bool)>,
-    /// What the wires did, if it is traced.
+    /// Changes of the wires, if traced.
     pub(crate) changes: Option<Vec<Change>>,
 }
 
@@ -98,7 +98,7 @@ impl<P: Plant> Wire<P> {
         }
     }
 
-    /// Traces the level of a wire from a time on, which may have passed.
+    /// Traces the level of a wire from a time on, which may be in the past.
     pub(crate) fn trace(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
         if let Some(changes) = &mut self.changes {
             changes.push(Change {
@@ -113,7 +113,7 @@ impl<P: Plant> Wire<P> {
         self.armed = Some(fault);
     }
 
-    /// Ends every disturbance of the wires.
+    /// Ends every fault of the wires.
     pub(crate) fn release(&mut self) {
         self.armed = None;
         self.sda = Hold::default();
@@ -129,7 +129,7 @@ impl<P: Plant> Wire<P> {
         self.sda.is_low(now_ps) || self.converters.sda_is_low(Time::from_ps(now_ps))
     }
 
-    /// Until when something other than the master holds SCL low.
+    /// Time until which something other than the master holds SCL low.
     pub(crate) fn scl_low_until(&mut self, now_ps: u64) -> Option<u64> {
         let own = self.scl.is_low(now_ps).then_some(self.scl.until_ps);
         let converters = self.converters.scl_low_until(Time::from_ps(now_ps));
@@ -156,7 +156,7 @@ impl<P: Plant> Wire<P> {
         self.count_bit(now_ps);
     }
 
-    /// A bit passes; a disturbance may begin with it.
+    /// Counts a bit; a fault may start with it.
     pub(crate) fn count_bit(&mut self, now_ps: u64) {
         if let Some(fault) = self.armed.filter(|fault| fault.bit() <= self.bits) {
             self.armed = None;
@@ -209,7 +209,8 @@ impl<P: Plant> Wire<P> {
         self.in_transaction = false;
     }
 
-    /// After each byte: a converter that is reset before the STOP has forgotten what was read of it.
+    /// Records the fetched conversions after each byte: a converter that is reset before the STOP
+    /// has lost its own record.
     fn note_what_was_fetched(&mut self) {
         let Some(log) = &mut self.log else {
             return;
@@ -228,8 +229,8 @@ impl<P: Plant> Wire<P> {
         }
     }
 
-    /// The levels of SCL and SDA as the pins drive them when they are plain outputs; nothing when
-    /// they are not. A pulse of SCL may free SDA, and SDA rising while SCL is high is a STOP.
+    /// Levels of SCL and SDA as plain outputs; `None` when the pins are not plain outputs. A pulse
+    /// of SCL may free SDA, and SDA rising while SCL is high is a STOP.
     pub(crate) fn plain(&mut self, now_ps: u64, levels: Option<(bool, bool)>) {
         let before = std::mem::replace(&mut self.plain, levels);
         let (Some((scl_was, sda_was)), Some((scl, sda))) = (before, levels) else {

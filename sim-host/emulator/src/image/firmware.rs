@@ -1,4 +1,4 @@
-//! Building the firmware image, for tests and tools that run it.
+//! Builds the firmware image, for tests and tools that run it.
 
 use std::env;
 use std::fmt;
@@ -6,16 +6,16 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The processor's target.
+/// Target of the processor.
 pub const TARGET: &str = "thumbv6m-none-eabi";
-/// The profile that images are built with.
+/// Build profile of images.
 pub const PROFILE: &str = "firmware";
-/// The package, and the name of its image.
+/// Package of the firmware, and name of its image.
 pub const PACKAGE: &str = "palpate-firmware";
-/// The variable that says which log lines are compiled in.
+/// Environment variable that selects the compiled log lines.
 const LOGS: &str = "DEFMT_LOG";
 
-/// Why there is no image.
+/// Reason why no image was built.
 #[derive(Debug)]
 pub struct BuildError(String);
 
@@ -27,21 +27,21 @@ impl fmt::Display for BuildError {
 
 impl std::error::Error for BuildError {}
 
-/// Builds the image, if it is not up to date, and returns its path. The target is added through
-/// rustup when the toolchain lacks it.
+/// Builds the image, if it is not up to date, and returns its path. Adds the target through rustup
+/// if the toolchain lacks it.
 ///
 /// # Errors
-/// [`BuildError`], with what to do.
+/// [`BuildError`], with a remedy.
 pub fn build() -> Result<PathBuf, BuildError> {
     let workspace = required()?;
     build_in(&workspace, &target_folder(&workspace), &[])
 }
 
 /// Builds an image with a planted defect of `firmware/planted-defects.toml`, if it is not up to
-/// date, and returns its path; for tests of the tests. `cargo xtask firmware --planted` does it.
+/// date, and returns its path, to test the tests. `cargo xtask firmware --planted` uses it.
 ///
 /// # Errors
-/// [`BuildError`], with what to do.
+/// [`BuildError`], with a remedy.
 pub fn build_with_defect(defect: &str) -> Result<PathBuf, BuildError> {
     let workspace = required()?;
     let mut cargo = cargo(&workspace);
@@ -53,10 +53,10 @@ pub fn build_with_defect(defect: &str) -> Result<PathBuf, BuildError> {
 }
 
 /// Builds an image with the log lines of a level and above (`off`, `error` to `trace`) instead of
-/// those that are shipped. One that is newer than the image as shipped is taken as it is.
+/// those of a release. An existing image that is newer than the release image is used as it is.
 ///
 /// # Errors
-/// [`BuildError`], with what to do.
+/// [`BuildError`], with a remedy.
 pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
     let workspace = required()?;
     let folder = target_folder(&workspace).join("logs");
@@ -70,11 +70,11 @@ pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
     Ok(kept)
 }
 
-/// Builds the image with all of its code moved by so many bytes, and returns its path: for tests of what is
-/// not to depend on where the code lies.
+/// Builds the image with all of its code shifted by `bytes` bytes, and returns its path: for tests
+/// whose result must not depend on the code's address.
 ///
 /// # Errors
-/// [`BuildError`], with what to do.
+/// [`BuildError`], with a remedy.
 pub fn build_shifted(bytes: u32) -> Result<PathBuf, BuildError> {
     let workspace = required()?;
     let folder = target_folder(&workspace).join("shifted");
@@ -85,10 +85,10 @@ pub fn build_shifted(bytes: u32) -> Result<PathBuf, BuildError> {
 }
 
 /// Builds an example of the firmware's package, as the firmware itself is built: `on_target`, which
-/// compares bits, or `bring_up`, by which a PC tests the converter.
+/// compares bits, or `bring_up`, with which a PC tests the converter.
 ///
 /// # Errors
-/// [`BuildError`], with what to do.
+/// [`BuildError`], with a remedy.
 pub fn build_example(name: &str) -> Result<PathBuf, BuildError> {
     let workspace = required()?;
     let folder = target_folder(&workspace);
@@ -105,8 +105,8 @@ fn is_newer(file: &Path, than: &Path) -> bool {
     matches!((changed(file), changed(than)), (Ok(file), Ok(than)) if file > than)
 }
 
-/// The palpate workspace from which the image is built: the folder that holds the firmware's
-/// package, from the working directory upwards.
+/// The palpate workspace that builds the image: the nearest folder, from the working directory
+/// upwards, with the firmware's package.
 #[must_use]
 pub fn workspace() -> Option<PathBuf> {
     let here = env::current_dir().ok()?;
@@ -131,7 +131,7 @@ fn required() -> Result<PathBuf, BuildError> {
     })
 }
 
-/// Where cargo builds: as the environment says, or in the workspace.
+/// Target folder of cargo: from the environment, or in the workspace.
 fn target_folder(workspace: &Path) -> PathBuf {
     workspace.join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
 }
@@ -172,7 +172,7 @@ fn cargo_for_image(
     Ok(cargo)
 }
 
-/// A cargo whose image is the same whatever flags and logs the environment asks for.
+/// A cargo command whose image does not depend on flags and log levels in the environment.
 fn cargo(workspace: &Path) -> Command {
     let mut cargo = command("cargo", workspace);
     cargo
@@ -182,7 +182,7 @@ fn cargo(workspace: &Path) -> Command {
     cargo
 }
 
-/// A child that does not inherit what describes the cargo that runs this program.
+/// A child process without the environment variables of the cargo that runs this program.
 fn command(program: &str, workspace: &Path) -> Command {
     let mut command = Command::new(program);
     command.current_dir(workspace);
@@ -226,8 +226,9 @@ fn provide_target(workspace: &Path) -> Result<(), BuildError> {
     .map(drop)
 }
 
-/// What a child prints. What it says goes on to standard error as it comes, so that one sees it build, or
-/// wait for another cargo; all but that there was nothing to do.
+/// Runs a child and returns its standard output. Its messages go to standard error as they come, so
+/// that the user sees it build, or wait for another cargo; only the message about an up-to-date
+/// build is left out.
 fn run(mut command: Command, what: &str) -> Result<String, BuildError> {
     let failed = |error| BuildError(format!("{what}: {error}"));
     let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());

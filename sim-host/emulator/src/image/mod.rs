@@ -1,4 +1,4 @@
-//! The firmware image: the ELF file as it is flashed.
+//! The firmware image: the ELF file that is flashed.
 
 pub mod firmware;
 pub(crate) mod profile;
@@ -16,9 +16,9 @@ use crate::board::flash::{SECTOR, SIZE as FLASH_SIZE};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
-/// Where the flash begins.
+/// Start address of the flash.
 pub(crate) const FLASH: u32 = 0x1000_0000;
-/// Where the vector table lies: behind the second-stage loader.
+/// Address of the vector table, after the second-stage loader.
 pub(crate) const VECTORS: u32 = FLASH + 0x100;
 
 /// A firmware image, loaded into flash.
@@ -27,24 +27,24 @@ pub struct Image {
     pub(crate) flash: Arc<[u8]>,
     symbols: Arc<BTreeMap<String, u32>>,
     sections: Arc<BTreeMap<String, u32>>,
-    /// The sectors of the flash in which something of the image lies.
+    /// Sectors of the flash that contain part of the image.
     sectors: Arc<BTreeSet<u32>>,
     end: u32,
 }
 
-/// Why a file is no image for this board.
+/// Reason why a file is not an image for this board.
 #[derive(Debug)]
 pub enum ImageError {
     /// The file cannot be read.
     File(std::io::Error),
-    /// It is no ELF file that can be understood.
+    /// It is not a valid ELF file.
     Format(object::Error),
-    /// A segment lies outside of the flash.
+    /// A segment is outside of the flash.
     Misplaced {
-        /// Its physical address.
+        /// Physical address of the segment.
         address: u32,
     },
-    /// There is no vector table behind the second-stage loader.
+    /// There is no vector table after the second-stage loader.
     NoVectors,
 }
 
@@ -79,8 +79,8 @@ impl Image {
         }
     }
 
-    /// A program of these half-words, behind a second stage that does nothing, with `fill` behind
-    /// it, for tests of the board's blocks.
+    /// A program of these half-words, after a second stage that does nothing, and followed by
+    /// `fill`, for tests of the board's blocks.
     #[cfg(test)]
     pub(crate) fn of_code(code: &[u16], fill: u8) -> Self {
         let mut flash = vec![0xFF; FLASH_SIZE];
@@ -101,7 +101,7 @@ impl Image {
         }
     }
 
-    /// Reads an ELF file, of which at most a gigabyte: a device may never end.
+    /// Reads an ELF file of at most a gigabyte: a device file may never end.
     ///
     /// # Errors
     /// [`ImageError`].
@@ -161,8 +161,8 @@ impl Image {
         Ok(image)
     }
 
-    /// The image as a UF2 for the boot loader's drive: every sector in which something of it lies,
-    /// whole, and no other.
+    /// The image as a UF2 for the boot loader's drive: every sector with part of the image, whole,
+    /// and no other.
     #[must_use]
     pub fn to_uf2(&self) -> Vec<u8> {
         let sector_of = |&sector: &u32| {
@@ -173,13 +173,13 @@ impl Image {
         uf2::write(self.sectors.iter().filter_map(sector_of))
     }
 
-    /// Bytes of flash from its beginning to the image's end.
+    /// Bytes of flash from its start to the end of the image.
     #[must_use]
     pub fn flash_bytes(&self) -> u32 {
         self.end - FLASH
     }
 
-    /// Bytes of memory that variables and buffers take, without stack and code.
+    /// Bytes of memory for variables and buffers, without stack and code.
     #[must_use]
     pub fn static_bytes(&self) -> u32 {
         [".data", ".bss", ".uninit"]
@@ -188,7 +188,7 @@ impl Image {
             .sum()
     }
 
-    /// Bytes of code that is copied to memory at the start.
+    /// Bytes of code that are copied to memory at the start.
     #[must_use]
     pub fn code_in_memory_bytes(&self) -> u32 {
         self.section(".hot")
@@ -198,7 +198,7 @@ impl Image {
         self.sections.get(name).copied().unwrap_or_default()
     }
 
-    /// The address of a symbol.
+    /// Address of a symbol.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<u32> {
         self.symbols.get(name).copied()

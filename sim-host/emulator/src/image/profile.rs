@@ -1,4 +1,4 @@
-//! Where the processor's cycles go: by instruction, and by exception.
+//! Profile of the processor's cycles, by instruction and by exception.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,42 +8,42 @@ use ldc161x_sim::Time;
 use crate::image::{FLASH, Image};
 use crate::rp2040::memory::{RAM, RAM_SIZE};
 
-/// What an instruction has cost.
+/// Cost of an instruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// How often it was executed.
+    /// Number of executions.
     pub count: u64,
-    /// Its own cycles, waiting for memory included.
+    /// Own cycles, wait states included.
     pub own_cycles: u64,
-    /// Its own and those of the shared functions that it called, directly or through one another;
-    /// none for an instruction of a shared function.
+    /// Own cycles plus those of the shared functions that it called, directly or indirectly; zero
+    /// for an instruction of a shared function.
     pub charged_cycles: u64,
 }
 
-/// What an exception's handler has cost. Exception 0 is what runs outside of all handlers.
+/// Cost of an exception handler. Exception 0 is the code outside of all handlers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Handler {
-    /// How often it ran to its end.
+    /// Number of completed runs.
     pub runs: u64,
-    /// Cycles of all runs, entries included; those of handlers that interrupted it are theirs.
+    /// Cycles of all runs, entries included, without those of handlers that interrupted them.
     pub cycles: u64,
-    /// The same of the longest run.
+    /// Cycles of the longest run.
     pub worst_cycles: u64,
-    /// The shortest and the longest time from its pending to its first instruction. It is counted
-    /// from the beginning of the instruction in which it became pending, and so too long by a part
-    /// of an instruction, never too short.
+    /// Shortest and longest latency from pending to the first instruction. It counts from the start
+    /// of the instruction during which the exception became pending, so it is too long by part of
+    /// an instruction, never too short.
     pub start: Option<(Time, Time)>,
 }
 
 impl Handler {
-    /// By how much its start moves.
+    /// Difference between the longest and the shortest latency.
     #[must_use]
     pub fn start_jitter(&self) -> Time {
         self.start
             .map_or(Time::ZERO, |(least, greatest)| greatest - least)
     }
 
-    /// Counts another profile's runs of the same handler as well.
+    /// Adds another profile's runs of this handler.
     pub fn join(&mut self, other: &Self) {
         self.runs += other.runs;
         self.cycles += other.cycles;
@@ -70,28 +70,28 @@ impl Handler {
 struct HandlerRun {
     exception: u32,
     cycles: u64,
-    /// Where its last instruction outside of shared functions lies.
+    /// Location of its last instruction outside of shared functions.
     caller: usize,
-    /// Whether it was seen from its entry on.
+    /// Whether it was observed from its entry on.
     is_whole: bool,
 }
 
-/// Counts since [`EmulatedBoard::profile`](crate::EmulatedBoard::profile) began them.
+/// Counts since the start of [`EmulatedBoard::profile`](crate::EmulatedBoard::profile).
 #[derive(Clone, Debug)]
 pub struct Profile {
-    /// Of every half-word of memory, and of the image's flash behind it.
+    /// Cost of every half-word of memory, followed by the image's flash.
     costs: Vec<Cost>,
     is_shared: Vec<bool>,
     handlers: BTreeMap<u32, Handler>,
     runs: Vec<HandlerRun>,
-    /// Interrupts that are pending, and since when.
+    /// Pending interrupts, with the time since when.
     pending: u32,
     pending_since: [Time; 32],
 }
 
-/// Half-words of memory, which come before those of flash.
+/// Number of half-words of memory, which precede those of flash.
 const RAM_HALF_WORDS: usize = RAM_SIZE / 2;
-/// The exception number of interrupt 0.
+/// Exception number of interrupt 0.
 const FIRST_INTERRUPT: u32 = 16;
 
 fn index(address: u32) -> usize {
@@ -109,7 +109,7 @@ const fn address(index: usize) -> u32 {
 }
 
 impl Profile {
-    /// Nothing counted yet. What functions at shared addresses cost is charged to their callers.
+    /// An empty profile. The cost of functions at shared addresses is charged to their callers.
     pub(crate) fn new(image: &Image, shared: &[Range<u32>]) -> Self {
         let half_words = index(FLASH + image.flash_bytes()) + 1;
         let mut is_shared = vec![false; half_words];
@@ -129,7 +129,7 @@ impl Profile {
         }
     }
 
-    /// An instruction was executed in an exception.
+    /// Counts an instruction executed in an exception.
     pub(crate) fn executed(&mut self, pc: u32, cycles: u64, exception: u32) {
         let index = index(pc);
         let shared = self.is_shared.get(index).copied().unwrap_or_default();
@@ -149,7 +149,7 @@ impl Profile {
         self.handlers.entry(exception).or_default().cycles += cycles;
     }
 
-    /// The run under way; what ended without having been seen to is forgotten.
+    /// The current run of an exception; drops runs whose end was not observed.
     fn run_of(&mut self, exception: u32) -> &mut HandlerRun {
         if let Some(depth) = self.runs.iter().rposition(|it| it.exception == exception) {
             self.runs.truncate(depth + 1);
@@ -165,7 +165,7 @@ impl Profile {
         &mut self.runs[last]
     }
 
-    /// The handler that ran has returned.
+    /// Ends the run of the handler that has returned.
     pub(crate) fn returned(&mut self) {
         if let Some(run) = self.runs.pop().filter(|run| run.is_whole) {
             let handler = self.handlers.entry(run.exception).or_default();
@@ -173,7 +173,7 @@ impl Profile {
         }
     }
 
-    /// An exception is entered; its first instruction comes now.
+    /// Enters an exception; its first instruction follows.
     pub(crate) fn entered(&mut self, exception: u32, cycles: u64, now: Time) {
         self.runs.push(HandlerRun {
             exception,
@@ -191,7 +191,7 @@ impl Profile {
         }
     }
 
-    /// These interrupts are pending now, the new ones since a time.
+    /// Sets the pending interrupts; new ones are pending since `since`.
     pub(crate) fn pending(&mut self, pending: u32, since: Time) {
         let new = pending & !self.pending;
         self.pending = pending;

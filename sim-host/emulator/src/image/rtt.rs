@@ -1,15 +1,15 @@
-//! The other end of the debug probe's channels: what a probe does with memory alone
-//! (SEGGER RTT: a control block, and rings of bytes for each direction).
+//! Host side of the debug probe's channels, which needs only memory accesses (SEGGER RTT: a control
+//! block, and ring buffers for each direction).
 
 use crate::rp2040::memory::Memory;
 
-/// Bytes of a ring's descriptor.
+/// Size of a ring's descriptor, bytes.
 const RING: u32 = 24;
 const UP_COUNT: u32 = 16;
 const DOWN_COUNT: u32 = 20;
 const RINGS: u32 = 24;
 
-/// The address of a ring, if the firmware has set one up.
+/// Address of a ring, if the firmware has set it up.
 fn ring(memory: &Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
     let is_ready = (0..)
         .zip(*b"SEGGER RTT")
@@ -46,7 +46,7 @@ impl Ring {
     }
 }
 
-/// Takes what waits in a channel from the firmware.
+/// Reads the bytes that wait in a channel from the firmware.
 pub(crate) fn read(memory: &mut Memory, block: u32, channel: u32) -> Vec<u8> {
     let Some(ring) = Ring::find(memory, block, false, channel) else {
         return Vec::new();
@@ -59,7 +59,7 @@ pub(crate) fn read(memory: &mut Memory, block: u32, channel: u32) -> Vec<u8> {
     bytes
 }
 
-/// Puts bytes into a channel to the firmware; returns how many there was room for.
+/// Writes bytes to a channel of the firmware; returns how many fitted.
 pub(crate) fn write(memory: &mut Memory, block: u32, channel: u32, bytes: &[u8]) -> usize {
     let Some(ring) = Ring::find(memory, block, true, channel) else {
         return 0;

@@ -1,4 +1,4 @@
-//! From addresses of an image to its functions and source files, by its debug information.
+//! Maps addresses of an image to functions and source files, by its debug information.
 
 use std::fmt;
 use std::ops::Range;
@@ -8,12 +8,12 @@ use addr2line::Loader;
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 
-/// A function, and the file that holds its code at an address.
+/// A function, and the file with its code at an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
-    /// Its name, demangled.
+    /// Demangled name.
     pub name: String,
-    /// The file.
+    /// Source file.
     pub file: String,
 }
 
@@ -23,7 +23,7 @@ pub struct Sources {
     functions: Vec<(Range<u32>, String)>,
 }
 
-/// Why an image's sources are not known.
+/// Error of reading an image's debug information.
 #[derive(Debug)]
 pub struct SourcesError(String);
 
@@ -59,7 +59,7 @@ impl Sources {
             .filter_map(|symbol| of_code(&symbol))
             .collect();
         functions.sort_by_key(|(range, _)| range.start);
-        // Those of assembly often have no size: they end where the next one begins.
+        // Functions in assembly often have no size: they end where the next one starts.
         let starts: Vec<u32> = functions.iter().map(|(range, _)| range.start).collect();
         for (range, _) in &mut functions {
             if range.start == range.end {
@@ -71,14 +71,14 @@ impl Sources {
         Ok(Self { loader, functions })
     }
 
-    /// The functions as they are linked, with their addresses and names, by address.
+    /// Functions as linked, with their addresses and names, in order of address.
     #[must_use]
     pub fn functions(&self) -> &[(Range<u32>, String)] {
         &self.functions
     }
 
-    /// The functions at an address, the innermost of those inlined there first; none where the
-    /// debug information is silent, as it is about assembly.
+    /// Functions at an address, the innermost inlined one first; empty where there is no debug
+    /// information, as for assembly.
     #[must_use]
     pub fn at(&self, address: u32) -> Vec<Function> {
         let mut found = Vec::new();

@@ -1,27 +1,27 @@
-//! UF2: blocks of 512 bytes that each say where their 256 bytes belong (the UF2 specification,
-//! github.com/microsoft/uf2).
+//! UF2: blocks of 512 bytes, each with the target address of its 256 data bytes (the UF2
+//! specification, github.com/microsoft/uf2).
 
 use std::collections::BTreeSet;
 
 use crate::board::flash::{PAGE, SECTOR};
 
-/// Bytes of a block.
+/// Size of a block, bytes.
 pub(crate) const BLOCK: usize = 512;
-/// Bytes that a block of the RP2040 carries (RP2040 datasheet 2.8.4.2).
+/// Data bytes of a block for the RP2040 (RP2040 datasheet 2.8.4.2).
 pub(crate) const PAYLOAD: usize = PAGE;
 const FIRST_MAGIC: u32 = 0x0A32_4655;
 const SECOND_MAGIC: u32 = 0x9E5D_5157;
 const LAST_MAGIC: u32 = 0x0AB1_6F30;
-/// Flags: not for the main flash, a family is named.
+/// Flags: not for the main flash; a family is given.
 const NOT_MAIN_FLASH: u32 = 1;
 const HAS_FAMILY: u32 = 0x2000;
-/// The family of the RP2040 (2.8.4.2).
+/// Family ID of the RP2040 (2.8.4.2).
 const FAMILY: u32 = 0xE48B_FF56;
-/// Where in a block the payload and the last magic number lie.
+/// Offsets of the payload and of the last magic number in a block.
 const HEADER: usize = 32;
 const LAST: usize = 508;
 
-/// A block that the boot ROM of an RP2040 takes.
+/// A block that the boot ROM of an RP2040 accepts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Uf2Block {
     pub(crate) address: u32,
@@ -31,8 +31,8 @@ pub(crate) struct Uf2Block {
 }
 
 impl Uf2Block {
-    /// Reads a block; nothing for what the boot ROM passes over: no UF2, another family, another
-    /// size.
+    /// Parses a block; `None` for a block that the boot ROM skips: not a UF2, another family,
+    /// another size.
     pub(crate) fn parse(bytes: &[u8]) -> Option<Self> {
         let word = |offset: usize| {
             let bytes = bytes.get(offset..offset + 4)?;
@@ -80,10 +80,10 @@ impl Uf2Block {
     }
 }
 
-/// A UF2 of whole sectors, given by the addresses at which they begin and their bytes.
+/// A UF2 of whole sectors, each given by its start address and its bytes.
 ///
-/// The boot ROM erases a sector with every sixteenth block number, not with every new sector: that
-/// is right only for whole sectors.
+/// The boot ROM erases a sector at every sixteenth block number, not at every new sector: that is
+/// right only for whole sectors.
 pub(crate) fn write<'a>(sectors: impl Iterator<Item = (u32, &'a [u8])>) -> Vec<u8> {
     let pages: Vec<(u32, &[u8])> = sectors
         .flat_map(|(address, bytes)| (address..).step_by(PAYLOAD).zip(bytes.chunks(PAYLOAD)))
@@ -104,7 +104,7 @@ pub(crate) fn write<'a>(sectors: impl Iterator<Item = (u32, &'a [u8])>) -> Vec<u
     blocks.flat_map(|block| block.bytes()).collect()
 }
 
-/// What the boot ROM remembers of the file that comes in (its source, `virtual_disk.c`).
+/// State of the boot ROM for the file being received (its source, `virtual_disk.c`).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Download {
     count: u32,
@@ -112,15 +112,15 @@ pub(crate) struct Download {
     erased: BTreeSet<u32>,
 }
 
-/// What a block asks for.
+/// Write that a block requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Uf2Write {
-    /// The sector of the block is erased first.
+    /// Whether the sector of the block is erased first.
     pub(crate) erases: bool,
 }
 
 impl Download {
-    /// Takes a block; nothing for one that came before or has no place in the file.
+    /// Accepts a block; `None` for a repeated block, or an invalid number or address.
     pub(crate) fn take(&mut self, block: &Uf2Block) -> Option<Uf2Write> {
         if block.count != self.count {
             *self = Self {
@@ -139,7 +139,7 @@ impl Download {
         })
     }
 
-    /// Whether all of the file has come.
+    /// Whether all blocks of the file have been received.
     pub(crate) fn is_whole(&self) -> bool {
         self.count > 0 && self.written.len() == self.count as usize
     }
@@ -160,7 +160,7 @@ mod tests {
             (0x1000_1100, 1, 16)
         );
         assert_eq!(*second.payload, [0x5A; PAYLOAD]);
-        // Each word that says whose block it is.
+        // Each word that identifies the block.
         for offset in [0, 4, 8, 16, 28, LAST] {
             let mut foreign = file[..BLOCK].to_vec();
             foreign[offset] ^= 1;

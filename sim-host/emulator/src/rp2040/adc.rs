@@ -1,44 +1,43 @@
-//! ADC (RP2040 datasheet 4.9): conversions without end over several inputs in turn, into the FIFO,
-//! from which DMA takes them.
+//! ADC (RP2040 datasheet 4.9): continuous round-robin conversions into the FIFO, which DMA reads.
 
 use std::collections::VecDeque;
 
 use crate::time::periods_ps;
 
-/// Cycles of clk_adc for a conversion (4.9.2).
+/// Duration of a conversion in cycles of clk_adc (4.9.2).
 const CONVERSION: u64 = 96;
 const ENABLE: u32 = 1;
 const TEMPERATURE: u32 = 1 << 1;
 const START_MANY: u32 = 1 << 3;
-/// FCS: results go into the FIFO, which asks DMA to take them.
+/// FCS: results go into the FIFO, which requests DMA transfers.
 const FIFO_ENABLE: u32 = 1;
 const ASK_DMA: u32 = 1 << 3;
 const EMPTY: u32 = 1 << 8;
 const FULL: u32 = 1 << 9;
-/// FCS: read when empty, written when full; cleared by a one.
+/// FCS: read while empty, written while full; cleared by writing a one.
 const UNDER: u32 = 1 << 10;
 const OVER: u32 = 1 << 11;
 const THRESHOLD: u32 = 0xF << 24;
-/// Results that the FIFO holds (4.9.2.4).
+/// Depth of the FIFO (4.9.2.4).
 const FIFO_DEPTH: usize = 4;
 
 /// The converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Adc {
     control: u32,
-    /// What FCS was set to, and the two flags of it that stay.
+    /// Settings of FCS, with its two sticky flags.
     fifo_control: u32,
     fifo_flags: u32,
     fifo: VecDeque<u16>,
-    /// When conversions without end began, and how many have been sampled since.
+    /// Start of the continuous conversions, and the number sampled since.
     began_ps: u64,
     clock_hz: f64,
     sampled: u64,
-    /// The conversion under way: when its result is there, and which.
+    /// Conversion in progress: the time of its result, and the result.
     converting: Option<(u64, u16)>,
 }
 
-/// A conversion: which input, when its voltage is sampled, and when its result is there.
+/// A conversion: its input, its sampling time, and the time of its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct AdcConversion {
     pub(crate) input: usize,
@@ -57,8 +56,8 @@ impl Adc {
         match offset {
             0x0 => {
                 let known = ENABLE | TEMPERATURE | START_MANY | 0x1F << 16;
-                // Single conversions, and a first input other than 0, are not modelled; nor is a
-                // change while it converts.
+                // Single conversions, and a first input other than 0, are not modelled, nor is a
+                // change during a conversion.
                 if value & !known != 0 || self.runs() && value != self.control {
                     return None;
                 }
@@ -69,7 +68,7 @@ impl Adc {
                     self.sampled = 0;
                 }
             }
-            // Results shifted to eight bits, and errors beside them, are not modelled.
+            // Results shifted to eight bits, and error flags in them, are not modelled.
             0x8 if value & 0b0110 == 0 => {
                 self.fifo_control = value & (FIFO_ENABLE | ASK_DMA | THRESHOLD);
                 self.fifo_flags &= !value;
@@ -98,7 +97,7 @@ impl Adc {
         })
     }
 
-    /// Whether it converts without end.
+    /// Whether conversions run continuously.
     pub(crate) fn runs(&self) -> bool {
         self.control & (ENABLE | START_MANY) == ENABLE | START_MANY
     }
@@ -107,19 +106,19 @@ impl Adc {
         ((self.fifo_control & THRESHOLD) >> 24) as usize
     }
 
-    /// Whether DMA is asked to take a result: while there are as many as the threshold, so always where that
-    /// is none (4.9.2.5).
+    /// Whether DMA is requested: while the FIFO has as many results as the threshold, so always for
+    /// a threshold of zero (4.9.2.5).
     pub(crate) fn asks_dma(&self) -> bool {
         self.fifo_control & ASK_DMA != 0 && self.fifo.len() >= self.threshold()
     }
 
-    /// Whether every result goes on to DMA at once, and nothing else does.
+    /// Whether every result goes to DMA at once, and to no one else.
     pub(crate) fn feeds_dma(&self) -> bool {
         let is_on = FIFO_ENABLE | ASK_DMA;
         self.fifo_control & is_on == is_on && self.threshold() == 1
     }
 
-    /// Puts a result into the FIFO, if that is on; one that finds it full is lost.
+    /// Puts a result into the FIFO, if it is enabled; a full FIFO loses the result.
     pub(crate) fn put_into_fifo(&mut self, code: u16) {
         if self.fifo_control & FIFO_ENABLE == 0 {
             return;
@@ -131,7 +130,8 @@ impl Adc {
         }
     }
 
-    /// Takes the oldest result from the FIFO. What an empty one gives the datasheet does not say: 0 here.
+    /// Takes the oldest result from the FIFO. The datasheet does not give the result of an empty
+    /// FIFO; 0 here.
     pub(crate) fn take_from_fifo(&mut self) -> u16 {
         self.fifo.pop_front().unwrap_or_else(|| {
             self.fifo_flags |= UNDER;
@@ -139,7 +139,7 @@ impl Adc {
         })
     }
 
-    /// The next conversion to be sampled.
+    /// Next conversion to be sampled.
     pub(crate) fn next(&self) -> Option<AdcConversion> {
         if !self.runs() {
             return None;
@@ -163,24 +163,24 @@ impl Adc {
         })
     }
 
-    /// Takes the code of the next conversion and goes on to the one after it.
+    /// Stores the code of the next conversion and advances to the one after it.
     pub(crate) fn sample(&mut self, conversion: AdcConversion, code: u16) {
         self.converting = Some((conversion.done_ps, code));
         self.skip(1);
     }
 
-    /// The result of the conversion under way, if it is there by a time.
+    /// Result of the conversion in progress, if it is complete by a time.
     pub(crate) fn take_result(&mut self, now_ps: u64) -> Option<u16> {
         let (_, code) = self.converting.take_if(|(done_ps, _)| *done_ps <= now_ps)?;
         Some(code)
     }
 
-    /// Leaves out conversions.
+    /// Skips conversions.
     pub(crate) fn skip(&mut self, conversions: u64) {
         self.sampled += conversions;
     }
 
-    /// How many conversions will have been sampled by then.
+    /// Number of conversions sampled by a time.
     pub(crate) fn sampled_by(&self, now_ps: u64) -> u64 {
         if !self.runs() {
             return 0;

@@ -6,15 +6,15 @@ use crate::time::periods_ps;
 /// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
 const RING_HZ: f64 = 6.5e6;
 const RING_DIVIDER: u32 = 16;
-/// What a divider of the ring oscillator has to be written with (2.17.8).
+/// Key in a write to the divider of the ring oscillator (2.17.8).
 const RING_PASS: u32 = 0xAA0;
-/// From PWR to LOCK. The datasheet gives no number; guess.
+/// Time from PWR to LOCK. The datasheet gives no number; guess.
 const LOCK_PS: u64 = 100_000_000;
 const ENABLE: u32 = 1 << 11;
-/// What a device at full speed has to be clocked with, Hz (USB 2.0 7.1.11: 12 Mbit/s within 0.25 %).
+/// Allowed clock of a device at full speed, Hz (USB 2.0 7.1.11: 12 Mbit/s within 0.25 %).
 const USB_HZ: std::ops::RangeInclusive<f64> = 47.88e6..=48.12e6;
-/// The fastest system clock that the chip is certified for, Hz, with room for the crystal's error;
-/// and the fastest at the core voltage that it starts with (datasheet 2.15.1).
+/// Fastest system clock for which the chip is certified, Hz, with a margin for the crystal's error;
+/// below it, the fastest at the initial core voltage (datasheet 2.15.1).
 const FASTEST_HZ: f64 = 200.1e6;
 pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
 
@@ -39,7 +39,7 @@ struct Crystal {
 }
 
 impl Crystal {
-    /// As after a reset: off, with a delay of 50 000 cycles (2.16.7).
+    /// State after a reset: off, with a delay of 50 000 cycles (2.16.7).
     const fn new() -> Self {
         Self {
             control: 0,
@@ -70,7 +70,7 @@ const USB: usize = 7;
 const ADC: usize = 8;
 
 impl Pll {
-    /// As after a reset.
+    /// State after a reset.
     pub(crate) const fn new() -> Self {
         Self {
             control: 1,
@@ -142,7 +142,8 @@ impl Clocks {
         }
     }
 
-    /// After a reset of the chip; chance goes on, and so does a ring oscillator that the reset spares.
+    /// Resets the clock tree. The random state continues, and so does a ring oscillator that the
+    /// reset spares.
     pub(crate) fn reset(&mut self, spares_ring: bool) {
         let ring_divider = if spares_ring {
             self.ring_divider
@@ -181,7 +182,7 @@ impl Clocks {
         source / f64::from((divider >> 8 & 0b11).max(1))
     }
 
-    /// The frequency of processor and buses; nothing if its source does not run.
+    /// Frequency of processor and buses; `None` if its source is stopped.
     pub(crate) fn sys_hz(&self) -> Option<f64> {
         let (control, divider) = self.generators[SYS];
         let source = match (control & 1, control >> 5 & 0b111) {
@@ -196,17 +197,17 @@ impl Clocks {
         (1e6..=FASTEST_HZ).contains(&hz).then_some(hz)
     }
 
-    /// The clock of a converter of the ADC; nothing if it stands.
+    /// Clock of the ADC; `None` if it is stopped.
     pub(crate) fn adc_hz(&self) -> Option<f64> {
         self.auxiliary_hz(ADC)
     }
 
-    /// The clock of the USB controller; nothing if it is not 48 MHz.
+    /// Clock of the USB controller; `None` if it is not 48 MHz.
     pub(crate) fn usb_hz(&self) -> Option<f64> {
         self.auxiliary_hz(USB).filter(|hz| USB_HZ.contains(hz))
     }
 
-    /// Generators for USB and ADC, whose sources have the same numbers (2.15.7).
+    /// Frequency of the generator for USB or ADC, whose sources have the same numbers (2.15.7).
     fn auxiliary_hz(&self, generator: usize) -> Option<f64> {
         let (control, divider) = self.generators[generator];
         let source = match control >> 5 & 0b111 {
@@ -220,7 +221,7 @@ impl Clocks {
         (control & ENABLE != 0 && hz > 0.0).then_some(hz)
     }
 
-    /// Whether anything takes its clock from a crystal or a PLL that has not settled (2.15.2.2, 2.15.2.5).
+    /// Whether a generator uses a crystal or a PLL that has not settled (2.15.2.2, 2.15.2.5).
     pub(crate) fn uses_unsettled(&self, now_ps: u64) -> bool {
         let plls = [&self.pll_sys, &self.pll_usb];
         let [sys, usb] = plls.map(|pll| !pll.is_locked(now_ps));
@@ -239,7 +240,7 @@ impl Clocks {
             })
     }
 
-    /// What CLK_GPOUT0 sends to its pin; nothing if it is off.
+    /// Frequency of CLK_GPOUT0 at its pin; `None` if it is off.
     pub(crate) fn output_hz(&self) -> Option<f64> {
         let (control, divider) = self.generators[0];
         let source = match control >> 5 & 0xF {
@@ -250,7 +251,7 @@ impl Clocks {
             10 => self.ref_hz(),
             _ => return None,
         };
-        // An even duty with an odd divisor needs DC50 (2.15.3.4), which the LDC demands.
+        // An odd divisor needs DC50 for an even duty (2.15.3.4), which the LDC requires.
         let odd = divider >> 8 & 1 == 1 && divider >> 8 > 1;
         let is_even = !odd || control >> 12 & 1 == 1;
         (control & ENABLE != 0 && source > 0.0 && is_even).then(|| source / fraction(divider))
@@ -299,7 +300,7 @@ impl Clocks {
 
     fn write_generator(&mut self, offset: u32, value: u32) -> Option<()> {
         if offset == 0x78 {
-            // The resuscitation circuit may be kept off, as after reset.
+            // The resuscitation circuit may stay off, as after reset.
             return (value == 0 || value == 0xFF).then_some(());
         }
         let index = (offset / 12) as usize;
@@ -344,18 +345,18 @@ impl Clocks {
         RING_HZ * f64::from(RING_DIVIDER) / f64::from(self.ring_divider)
     }
 
-    /// ROSC: its divider.
+    /// Writes the ROSC divider.
     fn write_ring(&mut self, offset: u32, value: u32) -> Option<()> {
         let divider = value.checked_sub(RING_PASS).filter(|&it| it < 32)?;
         (offset == 0x10).then(|| self.ring_divider = if divider == 0 { 32 } else { divider })
     }
 
-    /// ROSC: its bit of chance and that it runs.
+    /// Reads the ROSC random bit and running status.
     fn read_ring(&mut self, offset: u32) -> Option<u32> {
         match offset {
             0x18 => Some(1 << 31 | 1 << 12),
             0x1C => {
-                // xorshift64 (Marsaglia 2003)
+                // xorshift64 (Marsaglia 2003).
                 self.random ^= self.random << 13;
                 self.random ^= self.random >> 7;
                 self.random ^= self.random << 17;

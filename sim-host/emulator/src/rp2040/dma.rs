@@ -1,10 +1,10 @@
-//! DMA: channels that carry the ADC's results into memory (RP2040 datasheet 2.5).
+//! DMA: channels that copy the ADC's results to memory (RP2040 datasheet 2.5).
 
 const CHANNELS: usize = 12;
 /// TREQ_SEL of the ADC's FIFO.
 const ADC: u32 = 36;
 const ENABLE: u32 = 1;
-/// Half-words, with the address of the writes going on, in a ring of writes.
+/// Half-words, with an incrementing write address, in a write ring.
 const HALF_WORDS: u32 = 0b01 << 2;
 const SIZE: u32 = 0b11 << 2;
 const READS_GO_ON: u32 = 1 << 4;
@@ -17,7 +17,7 @@ const FIFO: u32 = 0x4004_C00C;
 struct DmaChannel {
     read: u32,
     write: u32,
-    /// Transfers left, and what a trigger sets them to.
+    /// Transfers left, and the number that a trigger reloads.
     left: u32,
     count: u32,
     control: u32,
@@ -63,12 +63,12 @@ impl Dma {
         Some(())
     }
 
-    /// The address for the next result; nothing if no channel waits for one.
+    /// Address for the next result; `None` if no channel waits for one.
     pub(crate) fn next(&mut self) -> Option<u32> {
         self.skip(1)
     }
 
-    /// Takes so many results at once; returns the address of the last one.
+    /// Skips `results` results; returns the address of the last one.
     pub(crate) fn skip(&mut self, results: u32) -> Option<u32> {
         let index = self
             .channels

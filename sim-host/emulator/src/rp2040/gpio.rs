@@ -1,9 +1,9 @@
 //! Pins: IO_BANK0, PADS_BANK0 and the GPIO registers of SIO (RP2040 datasheet 2.19, 2.3.1.7).
 
-/// Pins of the bank.
+/// Number of pins in the bank.
 pub(crate) const PINS: usize = 30;
 
-/// What drives a pin (2.19.2).
+/// Functions of a pin (2.19.2).
 pub(crate) mod function {
     pub(crate) const I2C: u32 = 3;
     pub(crate) const PWM: u32 = 4;
@@ -12,7 +12,7 @@ pub(crate) mod function {
     pub(crate) const NONE: u32 = 31;
 }
 
-/// PADS_BANK0: pulls, and the drivers of input and output (2.19.6.3).
+/// PADS_BANK0: pulls, input and output drivers (2.19.6.3).
 mod pad {
     pub(super) const PULL_DOWN: u32 = 1 << 2;
     pub(super) const PULL_UP: u32 = 1 << 3;
@@ -30,10 +30,10 @@ pub(crate) struct Gpio {
     pads: [u32; PINS],
     out: u32,
     enabled: u32,
-    /// Levels that something outside drives, and which pins it does.
+    /// Levels driven from outside, and the mask of the pins driven.
     outside: u32,
     driven: u32,
-    /// Levels as last seen, for the edges.
+    /// Levels at the last edge detection.
     seen: u32,
     edges: [u32; 4],
     interrupts: [u32; 4],
@@ -56,7 +56,7 @@ impl Gpio {
         }
     }
 
-    /// All pins as after a reset; what is outside stays.
+    /// Resets all pins; external drives stay.
     pub(crate) fn reset(&mut self) {
         *self = Self {
             outside: self.outside,
@@ -78,7 +78,7 @@ impl Gpio {
         self.pads = [0x56; PINS];
     }
 
-    /// Something outside drives a pin.
+    /// Drives a pin from outside.
     pub(crate) fn drive(&mut self, pin: usize, high: bool) {
         self.driven |= 1 << pin;
         self.outside = self.outside & !(1 << pin) | u32::from(high) << pin;
@@ -101,7 +101,7 @@ impl Gpio {
         is_on && self.function(pin) == function::SIO
     }
 
-    /// The level of a pin that SIO or the outside drives, or a pull.
+    /// Level of a pin, driven by SIO, from outside, or by a pull.
     pub(crate) fn level(&self, pin: usize) -> bool {
         let bit = 1 << pin;
         if self.is_output(pin) {
@@ -118,25 +118,25 @@ impl Gpio {
         self.is_output(pin) && self.out >> pin & 1 == 0
     }
 
-    /// Whether a pin's level reaches the chip. Where it does not, a zero does; that is a guess.
+    /// Whether a pin's level reaches the chip. Otherwise the chip reads zero; that is a guess.
     pub(crate) fn is_input(&self, pin: usize) -> bool {
         self.pad(pin) & pad::INPUT != 0
     }
 
-    /// Whether a pad is set for an analogue voltage: both drivers off, no pull (4.9).
+    /// Whether a pad is set up for an analogue voltage: both drivers off, no pull (4.9).
     pub(crate) fn is_analogue(&self, pin: usize) -> bool {
         let of_interest = pad::INPUT | pad::NO_OUTPUT | pad::PULL_UP | pad::PULL_DOWN;
         self.pad(pin) & of_interest == pad::NO_OUTPUT
     }
 
-    /// The levels as the chip sees them.
+    /// Levels as the chip reads them.
     fn levels(&self) -> u32 {
         (0..PINS)
             .filter(|&pin| self.is_input(pin) && self.level(pin))
             .fold(0, |levels, pin| levels | 1 << pin)
     }
 
-    /// Latches the edges since it was last called.
+    /// Latches the edges since the last call.
     pub(crate) fn follow(&mut self) {
         let levels = self.levels();
         let changed = levels ^ self.seen;
@@ -167,7 +167,7 @@ impl Gpio {
         self.raw(word) & self.interrupts[word] | self.forced[word]
     }
 
-    /// The interrupt line to the first core.
+    /// Interrupt line to the first core.
     pub(crate) fn line(&self) -> bool {
         (0..4)
             .any(|word| (self.interrupts[word] | self.forced[word] != 0) && self.status(word) != 0)
@@ -190,7 +190,7 @@ impl Gpio {
         let word = (offset >> 2 & 0b11) as usize;
         match offset {
             0x000..=0x0EC if offset % 8 == 4 => {
-                // Overrides of output, enable, input and interrupt are not modelled.
+                // Overrides of output, output enable, input and interrupt are not modelled.
                 if value & !0x1F != 0 {
                     return None;
                 }

@@ -1,7 +1,7 @@
 //! The I2C master: a DesignWare block (RP2040 datasheet 4.3), bit by bit.
 //!
-//! Clock stretching, arbitration and aborts follow the datasheet. What the simulated chip takes is
-//! whole bytes: a byte that is cut short reaches it as nothing, followed by the next START.
+//! Clock stretching, arbitration and aborts follow the datasheet. The simulated chip takes whole
+//! bytes: it does not receive a byte that is cut short, only the next START.
 
 use std::collections::VecDeque;
 
@@ -10,12 +10,12 @@ use crate::board::wire::Wire;
 use crate::time::periods_ps;
 use crate::trace::{Signal, SignalValue};
 
-/// Entries of either FIFO (4.3.2).
+/// Depth of either FIFO (4.3.2).
 const DEPTH: usize = 16;
-/// From a command in an empty FIFO to the START, in clocks of the block. The datasheet does not
-/// say; guess.
+/// Delay from a command in an empty FIFO to the START, in clocks of the block. The datasheet does
+/// not give it; guess.
 const START_LATENCY: u64 = 12;
-/// How often a master that waits for a free bus polls it.
+/// Interval at which a master that waits for a free bus polls it.
 const POLL_PS: u64 = 1_000_000;
 
 /// Bits of a command.
@@ -44,20 +44,20 @@ mod cause {
     pub(super) const USER: u32 = 1 << 16;
 }
 
-/// What the master is doing.
+/// State of the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MasterState {
-    /// Nothing.
+    /// Idle.
     Idle,
-    /// It is about to send a START.
+    /// About to send a START.
     Waiting,
-    /// It has sent START; the address follows.
+    /// START sent; the address follows.
     Started,
-    /// A byte is under way; bit 8 is its acknowledge.
+    /// A byte is in transfer; bit 8 is its acknowledge.
     Byte { kind: ByteKind, value: u8, bit: u8 },
     /// Between two bytes, with SCL low, until there is a command.
     Holding,
-    /// It sends STOP.
+    /// Sending STOP.
     Stopping,
 }
 
@@ -68,7 +68,7 @@ enum ByteKind {
     Read { acknowledged: bool },
 }
 
-/// The block.
+/// The I2C block.
 #[derive(Clone, Debug)]
 pub(crate) struct I2c {
     control: u32,
@@ -88,14 +88,14 @@ pub(crate) struct I2c {
     transmit: VecDeque<u32>,
     receive: VecDeque<u8>,
     state: MasterState,
-    /// The command whose byte is under way.
+    /// Command of the byte in transfer.
     command: u32,
-    /// The direction of the transfer under way is reading.
+    /// Whether the present transfer is a read.
     reading: bool,
-    /// The address has passed, and no byte since.
+    /// Whether the address has been sent, and no byte since.
     addressed: bool,
     due_ps: Option<u64>,
-    /// When the bit under way began, with the fall of SCL.
+    /// Start of the present bit, at the fall of SCL.
     bit_began_ps: u64,
     free_ps: u64,
     clock_hz: f64,
@@ -133,7 +133,7 @@ impl I2c {
         }
     }
 
-    /// The block in reset: it releases the wires, whatever it did.
+    /// Resets the block: it releases the wires in any state.
     pub(crate) fn reset<P: Plant>(&mut self, wire: &mut Wire<P>) {
         if self.state != MasterState::Idle {
             wire.abandon();
@@ -152,12 +152,12 @@ impl I2c {
         periods_ps(u64::from(clocks), self.clock_hz)
     }
 
-    /// SCL high (4.3.14.2).
+    /// High time of SCL (4.3.14.2).
     fn high_ps(&self) -> u64 {
         self.clocks_ps(self.high_count + self.spike + 7)
     }
 
-    /// SCL low, with the rise of the wire.
+    /// Low time of SCL, with the rise of the wire.
     fn low_ps(&self) -> u64 {
         self.clocks_ps(self.low_count + 1) + self.rise_ps
     }
@@ -174,7 +174,7 @@ impl I2c {
         self.state == MasterState::Idle
     }
 
-    /// Whether the master drives neither wire; while it does, it traces their levels itself.
+    /// Whether the master drives neither wire; while it drives one, it traces their levels itself.
     pub(crate) fn is_off_the_wires(&self) -> bool {
         matches!(self.state, MasterState::Idle | MasterState::Waiting)
     }
@@ -185,14 +185,14 @@ impl I2c {
         wire.trace(now_ps, Signal::Scl, SignalValue::Level(false));
     }
 
-    /// The level of SDA in the bit that has begun, and the rise of SCL.
+    /// Traces the level of SDA in the present bit, and the rise of SCL.
     fn trace_bit<P: Plant>(&self, rise_ps: u64, wire: &mut Wire<P>, high: bool) {
         let set_ps = self.bit_began_ps + self.clocks_ps(self.hold);
         wire.trace(set_ps, Signal::Sda, SignalValue::Level(high));
         wire.trace(rise_ps, Signal::Scl, SignalValue::Level(true));
     }
 
-    /// Does what is due at a time.
+    /// Processes events that are due.
     pub(crate) fn service<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         while let Some(due_ps) = self.due_ps.filter(|&due| due <= now_ps) {
             self.step(due_ps, wire);
@@ -227,7 +227,7 @@ impl I2c {
         self.send_start(now_ps, wire);
     }
 
-    /// START, after which SCL stays high for the hold time.
+    /// Sends START, after which SCL stays high for the hold time.
     fn send_start<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         wire.start(now_ps);
         wire.trace(now_ps, Signal::Sda, SignalValue::Level(false));
@@ -353,7 +353,7 @@ impl I2c {
         }
     }
 
-    /// Goes on with the next command, or waits for it with SCL low.
+    /// Continues with the next command, or waits for it with SCL low.
     fn next_command<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         if self.abort_requested || self.disable_requested {
             self.begin_stop(now_ps, wire);
@@ -367,7 +367,7 @@ impl I2c {
         let reads = command & READ != 0;
         if !self.addressed && (reads != self.reading || command & RESTART != 0) {
             self.reading = reads;
-            // SCL low, then high for the set-up time, then SDA falls.
+            // SCL is low, then high for the set-up time, then SDA falls.
             let fall_ps = now_ps + self.low_ps() + self.clocks_ps(self.high_count);
             if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
                 self.lose_arbitration(now_ps, wire);
@@ -391,9 +391,9 @@ impl I2c {
         self.transmit.pop_front();
     }
 
-    /// Whether the byte of a read command is acknowledged: if another one is read after it.
-    /// Nothing while that is not known; the block then holds SCL, here before the byte and not, as
-    /// in silicon, before its ninth clock.
+    /// Whether the byte of a read command is acknowledged: only if another read follows. `None`
+    /// while that is not known; the block then holds SCL, here before the byte, in silicon before
+    /// its ninth clock.
     fn acknowledges(&self, command: u32) -> Option<bool> {
         if command & STOP != 0 {
             return Some(false);
@@ -410,7 +410,7 @@ impl I2c {
     }
 
     fn end_stop<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
-        // SDA cannot rise while something holds it, nor SCL: there is no STOP until then.
+        // SDA and SCL cannot rise while something holds them: until then there is no STOP.
         if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
             self.due_ps = Some(now_ps + POLL_PS);
             return;
@@ -428,7 +428,7 @@ impl I2c {
         self.rest(now_ps);
     }
 
-    /// Back to idle; the next START has to wait for the bus-free time.
+    /// Returns to idle; the next START waits for the bus-free time.
     fn rest(&mut self, now_ps: u64) {
         if self.abort_requested {
             self.abort(cause::USER);
@@ -445,7 +445,7 @@ impl I2c {
         self.begin(now_ps);
     }
 
-    /// Asks for a START when there is a command and nothing runs.
+    /// Requests a START if there is a command and the master is idle.
     fn begin(&mut self, now_ps: u64) {
         if self.enabled && self.state == MasterState::Idle && !self.transmit.is_empty() {
             self.state = MasterState::Waiting;
@@ -454,7 +454,8 @@ impl I2c {
         }
     }
 
-    /// Both FIFOs are flushed, and stay so until CLR_TX_ABRT is read (4.3.17, IC_RAW_INTR_STAT).
+    /// Aborts: both FIFOs are flushed, and stay empty until CLR_TX_ABRT is read (4.3.17,
+    /// IC_RAW_INTR_STAT).
     fn abort(&mut self, cause: u32) {
         self.source |= cause | (self.transmit.len() as u32) << 23;
         self.sticky |= raised::TX_ABRT;
@@ -552,7 +553,7 @@ impl I2c {
     ) -> Option<()> {
         let fixed = !self.enabled;
         match offset {
-            // Master, fast, seven-bit addresses, repeated STARTs, not a target: all else is not
+            // Master, fast, seven-bit addresses, repeated STARTs, not a target: nothing else is
             // modelled.
             0x00 if fixed && value & 0x7F == 0x65 => self.control = value,
             0x04 if fixed && value <= 0x7F => self.target = value,
@@ -573,7 +574,7 @@ impl I2c {
     }
 
     fn command<P: Plant>(&mut self, value: u32, now_ps: u64, wire: &mut Wire<P>) {
-        // Flushed until the abort is cleared; a disabled block takes nothing.
+        // Flushed until the abort is cleared; a disabled block accepts nothing.
         if !self.enabled || self.sticky & raised::TX_ABRT != 0 {
             return;
         }

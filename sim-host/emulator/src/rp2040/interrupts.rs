@@ -1,4 +1,4 @@
-//! Interrupts: which are pending, which may run (ARMv6-M architecture, B1.5 and B3.4).
+//! Interrupts: pending and allowed ones (ARMv6-M architecture, B1.5 and B3.4).
 
 /// Number of the HardFault exception.
 pub(crate) const HARD_FAULT: u32 = 3;
@@ -11,13 +11,13 @@ pub(crate) struct Interrupts {
     pending: u32,
     enabled: u32,
     priority: [u8; 32],
-    /// The lines as the peripherals drive them.
+    /// Lines as driven by the peripherals.
     lines: u32,
 }
 
 impl Interrupts {
-    /// Takes the lines' levels. A rising one becomes pending; one that stays high becomes so again
-    /// when its handler has ended.
+    /// Sets the lines' levels. A rising line becomes pending; a line that stays high becomes
+    /// pending again when its handler has ended.
     pub(crate) fn drive(&mut self, lines: u32, active: u64) {
         let rising = lines & !self.lines;
         let in_handler = (active >> FIRST) as u32;
@@ -25,18 +25,18 @@ impl Interrupts {
         self.lines = lines;
     }
 
-    /// Whether anything could run if its priority allowed; also what ends a WFI.
+    /// Whether any interrupt could run if its priority allowed; this also ends a WFI.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.pending & self.enabled != 0
     }
 
-    /// The interrupts that wait to run, of those that may.
+    /// Enabled interrupts that are pending.
     pub(crate) const fn pending(&self) -> u32 {
         self.pending & self.enabled
     }
 
-    /// The exception to take now, given which are active; it is no longer pending then.
+    /// Takes the exception to enter now, given the active ones, and clears its pending state.
     pub(crate) fn take(&mut self, active: u64) -> Option<u32> {
         let candidates = self.pending & self.enabled;
         let number = (0..32_u32)
@@ -50,7 +50,7 @@ impl Interrupts {
         Some(FIRST + number)
     }
 
-    /// The priority of what runs; smaller is more urgent.
+    /// Priority of the running code; a smaller number is more urgent.
     fn execution_priority(&self, active: u64) -> i16 {
         if active & 0b1111 != 0 {
             return -1;

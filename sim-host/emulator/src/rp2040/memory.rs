@@ -9,18 +9,18 @@ use crate::rp2040::xip::{Cache, ReadFormat};
 pub(crate) const RAM: u32 = 0x2000_0000;
 /// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
 pub(crate) const RAM_SIZE: usize = 264 * 1024;
-/// Addresses of the flash's window, in which its content repeats.
+/// Mask of addresses in the flash's window; its content repeats.
 const FLASH_MASK: u32 = 0xFF_FFFF;
 
-/// The windows through which the flash is read (2.6.3): 16 MiB each, cached, as the cache has it,
-/// fetched anew, and past the cache.
+/// Windows of the flash (2.6.3), 16 MiB each: cached, without allocation, with a forced refill, and
+/// uncached.
 mod window {
     pub(super) const CACHED: u32 = 0x10;
     pub(super) const NO_ALLOCATION: u32 = 0x11;
     pub(super) const REFILL: u32 = 0x12;
     pub(super) const UNCACHED: u32 = 0x13;
 
-    /// The window of an address.
+    /// Window of an address.
     pub(super) const fn of(address: u32) -> u32 {
         address >> 24
     }
@@ -31,7 +31,7 @@ mod window {
 pub(crate) struct Memory {
     rom: Arc<[u8]>,
     pub(crate) flash: Flash,
-    /// Why the flash cannot be read in place now.
+    /// Reason why the flash cannot be read in place now.
     pub(crate) closed: Option<&'static str>,
     ram: Vec<u8>,
     fill: u8,
@@ -39,7 +39,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// A flash, and RAM that is filled with a byte.
+    /// A flash, and a RAM filled with one byte.
     pub(crate) fn new(flash: Flash, fill: u8, miss_cycles: u32) -> Self {
         Self {
             rom: rom::image(),
@@ -51,12 +51,12 @@ impl Memory {
         }
     }
 
-    /// What the RAM holds when the power comes.
+    /// Restores the RAM's content of a power on.
     pub(crate) fn forget_ram(&mut self) {
         self.ram.fill(self.fill);
     }
 
-    /// Takes how the flash is read in place, or why it cannot be.
+    /// Sets how the flash is read in place, or why it cannot be.
     pub(crate) fn follow_flash(&mut self, format: Result<ReadFormat, &'static str>) {
         self.closed = format.err();
         if let Ok(format) = format {
@@ -82,7 +82,7 @@ impl Memory {
         (RAM..RAM + RAM_SIZE as u32).contains(&address)
     }
 
-    /// The cycles that an access to flash waits.
+    /// Wait cycles of an access to flash.
     #[inline]
     pub(crate) fn wait(&mut self, address: u32) -> u32 {
         if window::of(address) == window::CACHED {
@@ -154,7 +154,7 @@ impl Memory {
         }
     }
 
-    /// A word of RAM; nothing elsewhere.
+    /// A word of RAM; `None` elsewhere.
     #[inline]
     pub(crate) fn ram_word(&self, address: u32) -> Option<u32> {
         let offset = ram_offset(address);
@@ -162,7 +162,7 @@ impl Memory {
         bytes.try_into().ok().map(u32::from_le_bytes)
     }
 
-    /// A word of RAM, to write; nothing elsewhere.
+    /// A word of RAM, to write; `None` elsewhere.
     #[inline]
     pub(crate) fn ram_word_mut(&mut self, address: u32) -> Option<&mut [u8]> {
         let offset = ram_offset(address);

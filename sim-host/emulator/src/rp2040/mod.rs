@@ -1,4 +1,4 @@
-//! The RP2040: its bus, memories and peripherals, but for USB.
+//! The RP2040: its bus, memories and peripherals, except for USB.
 
 pub(crate) mod adc;
 pub(crate) mod bus;

@@ -17,11 +17,11 @@ pub(crate) mod block {
     pub(crate) const TIMER: u32 = 1 << 21;
     pub(crate) const USB: u32 = 1 << 24;
     pub(crate) const ALL: u32 = 0x01FF_FFFF;
-    /// What the boot ROM needs to read the flash.
+    /// Blocks that the boot ROM needs to read the flash.
     pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
 }
 
-/// PSM.WDSEL: all but the oscillators, as the SDK sets it before it trusts the watchdog; and the ring
+/// PSM.WDSEL: all but the oscillators, as the SDK sets it before it uses the watchdog; and the ring
 /// oscillator.
 const EVERYTHING: u32 = 0x1_FFFC;
 const RING: u32 = 1 << 0;
@@ -32,26 +32,29 @@ const VOLTAGE_AT_START: u32 = 0xB1;
 const CODE_AT_START: u32 = 0xB;
 const REGULATOR_ENABLED: u32 = 1;
 const REGULATES: u32 = 1 << 12;
-/// VSEL of 1.15 V: least for more than 133 MHz. Steps are 50 mV.
+/// VSEL of 1.15 V, the minimum above 133 MHz. Steps are 50 mV.
 const RAISED: u32 = 0xC;
-/// VSEL of 1.20 V: above it the core is beyond its operating conditions (5.6, 1.21 V).
+/// VSEL of 1.20 V: above it the core exceeds its operating conditions (5.6, 1.21 V).
 const HIGHEST: u32 = 0xD;
-/// Volts of a step of VSEL, of 0, and the part by which the regulator may be lower (2.10.3, 2.10.6).
+/// Volts per step of VSEL, volts at 0, and the part by which the regulator's output may be lower
+/// (2.10.3, 2.10.6).
 const STEP_V: f64 = 0.05;
 const LOWEST_V: f64 = 0.55;
 const REGULATOR_ERROR: f64 = 0.03;
-/// BOD: enabled, at 0.86 V, as after power on; volts of a step of its VSEL and of 0 (2.12.3, 2.12.8).
+/// BOD: enabled, at 0.86 V, as after power on; volts per step of its VSEL and volts at 0 (2.12.3,
+/// 2.12.8).
 const DETECTION_AT_START: u32 = 0x91;
 const DETECTION_ENABLED: u32 = 1;
 const DETECTION_STEP_V: f64 = 0.043;
 const DETECTION_LOWEST_V: f64 = 0.473;
-/// Part by which the detection may be higher. The datasheet gives the power-on reset's, 3.5 %.
+/// Part by which the detection's threshold may be higher. The datasheet gives that of the power-on
+/// reset, 3.5 %.
 const DETECTION_ERROR: f64 = 0.035;
-/// From a write of VSEL to a voltage that has settled. The datasheet gives no number, and the SDK
-/// waits so long; guess.
+/// Time from a write of VSEL to a settled voltage. The datasheet gives no number, and the SDK waits
+/// this long; guess.
 const SETTLES_PS: u64 = 1_000_000_000;
 
-/// What is in reset, and why the chip started.
+/// Reset state of the blocks, and the cause of the last reset.
 #[derive(Clone, Debug)]
 pub(crate) struct Power {
     in_reset: u32,
@@ -64,7 +67,7 @@ pub(crate) struct Power {
 }
 
 impl Power {
-    /// As the boot ROM hands over: all in reset but the way to the flash.
+    /// State after the boot ROM: all blocks in reset except those for the flash.
     pub(crate) const fn new() -> Self {
         Self {
             in_reset: block::ALL & !block::FLASH,
@@ -77,8 +80,8 @@ impl Power {
         }
     }
 
-    /// After the watchdog: CHIP_RESET keeps its flags (2.13.2). VREG and BOD begin anew, as WDSEL selects
-    /// them with the rest (2.13.5).
+    /// State after a watchdog reset: CHIP_RESET keeps its flags (2.13.2). VREG and BOD are reset,
+    /// as WDSEL selects them with the rest (2.13.5).
     pub(crate) fn after_watchdog(&mut self) {
         *self = Self {
             cause: self.cause,
@@ -86,7 +89,7 @@ impl Power {
         };
     }
 
-    /// Whether the core has the voltage that more than 133 MHz need.
+    /// Whether the core has the voltage required above 133 MHz.
     pub(crate) fn is_raised(&self, now_ps: u64) -> bool {
         self.voltage_code() >= RAISED && now_ps >= self.settled_ps
     }
@@ -95,7 +98,7 @@ impl Power {
         self.regulator >> 4 & 0xF
     }
 
-    /// The least that the regulator gives at a setting, V.
+    /// Least output of the regulator at a setting, V.
     fn least_v(code: u32) -> f64 {
         // 0 to 5 are all 0.80 V.
         (LOWEST_V + STEP_V * f64::from(code.max(5))) * (1.0 - REGULATOR_ERROR)
@@ -110,12 +113,14 @@ impl Power {
         self.detection & DETECTION_ENABLED != 0 && core_v < self.detection_v()
     }
 
-    /// Whether the core is below what more than 133 MHz need: 1.15 V, with the regulator's error.
+    /// Whether the core's supply is below the minimum above 133 MHz: 1.15 V, with the regulator's
+    /// error.
     pub(crate) fn is_too_low(core_v: f64) -> bool {
         core_v < Self::least_v(RAISED)
     }
 
-    /// Whether the detection may see a voltage at which the regulator is, or was before it settled.
+    /// Whether the detection may trip at the regulator's voltage, or at its voltage before it
+    /// settled.
     pub(crate) fn detection_is_too_high(&self, now_ps: u64) -> bool {
         let is_settled = now_ps >= self.settled_ps;
         let most = if is_settled { u32::MAX } else { CODE_AT_START };
@@ -123,17 +128,17 @@ impl Power {
         self.detection_v() * (1.0 + DETECTION_ERROR) > least_v
     }
 
-    /// Lets the watchdog reset everything that it can, as the boot ROM does before it reboots.
+    /// Selects everything for a watchdog reset, as the boot ROM does before it reboots.
     pub(crate) const fn let_watchdog_reset_all(&mut self) {
         self.watchdog_restarts = EVERYTHING;
     }
 
-    /// Whether the watchdog resets everything that it can.
+    /// Whether a watchdog reset includes everything possible.
     pub(crate) fn watchdog_resets_all(&self) -> bool {
         self.watchdog_restarts & EVERYTHING == EVERYTHING
     }
 
-    /// Whether the watchdog resets the ring oscillator as well.
+    /// Whether a watchdog reset includes the ring oscillator.
     pub(crate) fn watchdog_resets_ring(&self) -> bool {
         self.watchdog_restarts & RING != 0
     }
@@ -167,7 +172,7 @@ impl Power {
         })
     }
 
-    /// Returns the blocks that enter reset.
+    /// Writes RESETS; returns the blocks that enter reset.
     pub(crate) fn write_resets(&mut self, offset: u32, value: u32) -> Option<u32> {
         let before = self.in_reset;
         match offset {
@@ -204,7 +209,8 @@ impl Power {
         }
     }
 
-    /// The regulator stays on, and at no voltage that the core is not made for; the detection stays on.
+    /// Writes VREG and BOD. The regulator must stay on within the core's allowed voltages; the
+    /// detection must stay on.
     pub(crate) fn write_regulator(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
         if offset == 0x4 {
             let is_known = value & !(DETECTION_ENABLED | 0xF << 4) == 0;

@@ -6,16 +6,16 @@ use rp2040_emu::core::Nvic;
 
 use crate::rp2040::interrupts::Interrupts;
 
-/// What each core has for itself.
+/// Private peripherals of each core.
 #[derive(Clone)]
 pub(crate) struct Private {
     pub(crate) ppb: Ppb,
     pub(crate) interrupts: Interrupts,
-    /// The core's own controller, which stays empty: [`Interrupts`] does its work.
+    /// Interrupt controller of the core crate, which stays empty: [`Interrupts`] replaces it.
     pub(crate) idle: Nvic,
-    /// The event register, which SEV sets and WFE takes.
+    /// Event register, set by SEV and cleared by WFE.
     pub(crate) event: bool,
-    /// The core waits in WFE.
+    /// Whether the core waits in WFE.
     pub(crate) parked: bool,
 }
 
@@ -30,12 +30,12 @@ impl Private {
         }
     }
 
-    /// Takes the levels of the interrupt lines.
+    /// Sets the levels of the interrupt lines.
     pub(crate) fn drive(&mut self, lines: u32) {
         self.interrupts.drive(lines, self.ppb.active);
     }
 
-    /// The exception to take now, which is no longer pending then.
+    /// Takes the exception to enter now, and clears its pending state.
     pub(crate) fn take(&mut self) -> Option<u32> {
         self.interrupts.take(self.ppb.active)
     }

@@ -1,5 +1,5 @@
-//! PWM: pulse widths, and a counter of edges (RP2040 datasheet 4.5). It runs on whatever the
-//! processor does.
+//! PWM: pulse widths, and a counter of edges (RP2040 datasheet 4.5). It runs independently of the
+//! processor.
 
 use ldc161x_sim::Time;
 
@@ -7,18 +7,18 @@ use crate::time::periods_ps;
 
 const SLICES: usize = 8;
 
-/// When the compare values of a phase-correct slice were written, as to the wraps at which they come
-/// into force.
+/// Times of writes to the compare values of a phase-correct slice, relative to the wraps at which
+/// they take effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LevelTimes {
-    /// How often while the slice ran.
+    /// Number of writes while the slice ran.
     pub written: u64,
-    /// How often in the first half of a cycle: a writer that follows samples of the middle has
-    /// missed the wrap it meant.
+    /// Number of writes in the first half of a cycle: code that writes after mid-cycle samples has
+    /// missed its wrap.
     pub late: u64,
-    /// The shortest time that was left until the wrap, of those in the second half.
+    /// Shortest time left until the wrap, of writes in the second half.
     pub least_left: Time,
-    /// The longest time from one to the next: above one and a half cycles, one was left out.
+    /// Longest interval between two writes: above one and a half cycles, one was left out.
     pub longest_gap: Time,
     last: Option<Time>,
 }
@@ -39,11 +39,11 @@ impl Default for LevelTimes {
 #[derive(Clone, Debug)]
 pub(crate) struct Pwm {
     slices: [Slice; SLICES],
-    /// Frequency of the system clock, which they count.
+    /// System clock that the slices count, Hz.
     sys_hz: f64,
-    /// Of the first slice.
+    /// Write times of the first slice.
     level_times: LevelTimes,
-    /// Wraps, by slice: of slices whose wraps are used as they come, of others up to `marked_ps`.
+    /// Wraps, by slice: up to date for slices whose wraps are used, up to `marked_ps` for others.
     raw: u32,
     enabled: u32,
     serviced_ps: u64,
@@ -55,12 +55,12 @@ struct Slice {
     control: u32,
     /// Divider in sixteenths.
     divider: u32,
-    /// The count at `since_ps`.
+    /// Count at `since_ps`.
     count: u32,
     since_ps: u64,
     top: u32,
     compare: u32,
-    /// Written, in force from the next wrap on.
+    /// Written value, active from the next wrap on.
     next_top: u32,
     next_compare: u32,
 }
@@ -80,7 +80,7 @@ impl Default for Slice {
     }
 }
 
-/// Modes of counting: free, or falling edges of input B.
+/// Counting modes: free-running, or falling edges of input B.
 const FREE: u32 = 0;
 const PHASE_CORRECT: u32 = 1 << 1;
 const FALLING: u32 = 3;
@@ -102,7 +102,7 @@ impl Slice {
         f64::from(self.divider) / 16.0 * 1e12 / sys_hz
     }
 
-    /// Steps from wrap to wrap: up, or up and down again.
+    /// Steps from wrap to wrap: up, or up and down.
     fn cycle(&self) -> u64 {
         let up = u64::from(self.top) + 1;
         if self.control & PHASE_CORRECT == 0 {
@@ -124,7 +124,7 @@ impl Slice {
     fn count_at(&self, now_ps: u64, sys_hz: f64) -> u32 {
         let position = self.position_at(now_ps, sys_hz);
         let up = u64::from(self.top) + 1;
-        // Within 16 bits either way.
+        // Within 16 bits in both cases.
         (if self.runs() && position >= up {
             2 * up - 1 - position
         } else {
@@ -132,7 +132,7 @@ impl Slice {
         }) as u32
     }
 
-    /// The first wrap after a time.
+    /// Time of the first wrap after a time.
     fn wrap_ps(&self, now_ps: u64, sys_hz: f64) -> u64 {
         let cycle = self.cycle();
         let passed = now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps(sys_hz);
@@ -159,7 +159,7 @@ impl Slice {
         self.compare = self.next_compare;
     }
 
-    /// Steps that are left until the wrap, and those of a half cycle.
+    /// Steps left until the wrap, and steps of a half cycle.
     fn left_at(&self, now_ps: u64, sys_hz: f64) -> (u64, u64) {
         let cycle = self.cycle();
         (cycle - self.position_at(now_ps, sys_hz), cycle / 2)
@@ -190,12 +190,12 @@ impl Slice {
     }
 }
 
-/// The two outputs of a slice as functions of time, until a value is written or taken over.
+/// Both outputs of a slice as functions of time, until a value is written or takes effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Wave {
     since_ps: u64,
     position: f64,
-    /// Length of a step; 0 while the slice stands.
+    /// Length of a step; 0 while the slice is stopped.
     step_ps: f64,
     cycle: f64,
     up: f64,
@@ -212,7 +212,7 @@ impl Wave {
         (self.position + steps) % self.cycle
     }
 
-    /// Where within a cycle an output falls, and where it rises again.
+    /// Positions within a cycle at which an output falls and rises again.
     fn edges(&self, output: usize) -> [f64; 2] {
         let level = self.levels.get(output).copied().unwrap_or(0.0);
         let rises = if self.centred {
@@ -225,7 +225,7 @@ impl Wave {
 
     pub(crate) fn is_high(&self, output: usize, now_ps: u64) -> bool {
         let [falls, rises] = self.edges(output);
-        // A thousandth of a step: an edge that was stepped to has happened.
+        // A thousandth of a step: an edge at the reached time has already happened.
         let position = self.position_at(now_ps) + 1e-3;
         falls > 0.0 && (position < falls || position >= rises) || falls >= self.up
     }
@@ -257,12 +257,12 @@ impl Pwm {
         }
     }
 
-    /// The block in reset.
+    /// Resets the block.
     pub(crate) fn reset(&mut self) {
         *self = Self::new(self.sys_hz);
     }
 
-    /// Takes another system clock: counts go on from where they are.
+    /// Changes the system clock; counts continue from their present values.
     pub(crate) fn set_clock(&mut self, now_ps: u64, sys_hz: f64) {
         for slice in &mut self.slices {
             slice.advance(now_ps, self.sys_hz);
@@ -270,7 +270,7 @@ impl Pwm {
         self.sys_hz = sys_hz;
     }
 
-    /// The outputs of a slice from now on.
+    /// Outputs of a slice from now on.
     pub(crate) fn wave(&self, slice: usize) -> Wave {
         match self.slices.get(slice) {
             Some(slice) => slice.wave(self.sys_hz),
@@ -278,7 +278,8 @@ impl Pwm {
         }
     }
 
-    /// When a value written to this slice comes into force, if that is by a time.
+    /// Time at which a value written to this slice takes effect, if that is not later than
+    /// `now_ps`.
     pub(crate) fn latches_by(&self, slice: usize, now_ps: u64) -> Option<u64> {
         let slice = self.slices.get(slice)?;
         if !slice.runs() || !slice.waits() {
@@ -293,12 +294,12 @@ impl Pwm {
         (wrap_ps <= now_ps).then_some(wrap_ps)
     }
 
-    /// The level of the interrupt line.
+    /// Level of the interrupt line.
     pub(crate) const fn line(&self) -> bool {
         self.raw & self.enabled != 0
     }
 
-    /// Whether any slice interrupts.
+    /// Whether any slice has its interrupt enabled.
     pub(crate) const fn interrupts(&self) -> bool {
         self.enabled != 0
     }
@@ -308,8 +309,8 @@ impl Pwm {
         slice.is_some_and(|slice| slice.runs() && (slice.waits() || self.enabled >> index & 1 == 1))
     }
 
-    /// The level of an output at a time, and its changes from there to another; neither may lie
-    /// before the last write or the last value that came into force.
+    /// Level of an output at a time, and its changes up to another time; neither may precede the
+    /// last write or the last value that took effect.
     pub(crate) fn edges(
         &self,
         slice: usize,
@@ -326,7 +327,7 @@ impl Pwm {
         edges
     }
 
-    /// A falling edge at a slice's input B.
+    /// Counts a falling edge at a slice's input B.
     pub(crate) fn falling_edge(&mut self, slice: usize) {
         if let Some(slice) = self.slices.get_mut(slice)
             && slice.enabled()
@@ -336,7 +337,7 @@ impl Pwm {
         }
     }
 
-    /// When a written value next comes into force, or a wrap interrupts.
+    /// Time at which a written value next takes effect, or a wrap interrupts.
     pub(crate) fn next_event(&self, now_ps: u64) -> Option<u64> {
         let slices = self.slices.iter().enumerate();
         slices
@@ -345,12 +346,12 @@ impl Pwm {
             .min()
     }
 
-    /// When that next happens, or has happened since the last service.
+    /// Time of the next such event, or of one that is pending since the last service.
     pub(crate) fn due_ps(&self) -> Option<u64> {
         self.next_event(self.serviced_ps)
     }
 
-    /// Brings values into force whose wrap has come since the last call, and raises the wraps.
+    /// Applies values whose wrap has passed since the last call, and raises the wrap flags.
     pub(crate) fn service(&mut self, now_ps: u64) {
         for index in 0..SLICES {
             if !self.wraps_count(index) {
@@ -371,8 +372,8 @@ impl Pwm {
         self.serviced_ps = now_ps;
     }
 
-    /// Raises the wraps that nothing has waited for: a slice shows each of its own, whether that
-    /// interrupts or not (4.5.2.7).
+    /// Raises the wrap flags that were not updated: a slice shows each wrap, with or without its
+    /// interrupt (4.5.2.7).
     fn mark_wraps(&mut self, now_ps: u64) {
         for index in 0..SLICES {
             if let Some(slice) = self.slices.get(index).filter(|slice| slice.runs())
@@ -409,7 +410,7 @@ impl Pwm {
         })
     }
 
-    /// When the first slice's levels were written, since the last call.
+    /// Write times of the first slice's levels since the last call.
     pub(crate) fn take_level_times(&mut self) -> LevelTimes {
         std::mem::take(&mut self.level_times)
     }
@@ -447,7 +448,7 @@ impl Pwm {
             0xA4 => self.raw &= !value,
             0xA8 => {
                 self.enabled = value & 0xFF;
-                // Wraps from before are marked.
+                // Earlier wraps are already marked.
                 self.serviced_ps = self.serviced_ps.max(now_ps);
             }
             _ => {}
@@ -463,7 +464,7 @@ impl Pwm {
             slice.advance(now_ps, self.sys_hz);
         }
         match offset % 0x14 {
-            // Gating by level, rising edges, steps and inverted outputs are not modelled.
+            // Level gating, rising edges, single steps and inverted outputs are not modelled.
             0x00 if value & 0b1100_1100 == 0 && matches!(value >> 4 & 0b11, FREE | FALLING) => {
                 slice.control = value;
             }
@@ -474,7 +475,7 @@ impl Pwm {
             _ => return None,
         }
         if !slice.enabled() {
-            // The shadow is transparent while the slice stands.
+            // The shadow register is transparent while the slice is stopped.
             slice.latch();
         }
         Some(())
@@ -551,7 +552,7 @@ mod tests {
                 Some(*now / 1_000)
             })
             .collect();
-        // 400 steps of 5 ns after each wrap, and as many before the next, at 16 us
+        // 400 steps of 5 ns after each wrap, and as many before the next, at 16 us.
         assert_eq!(edges, [2_000, 14_000, 18_000]);
         assert!(wave.is_high(1, 1_000_000) && !wave.is_high(1, 8_000_000));
         assert_eq!(wave.next_edge(0, 0), None);
@@ -573,7 +574,7 @@ mod tests {
         let times = pwm.take_level_times();
         assert_eq!((times.written, times.late), (3, 1));
         assert_eq!(times.longest_gap, Time::from_us(3));
-        // Whole steps of the count.
+        // Whole steps of the counter.
         let left = times.least_left;
         assert!(
             left >= Time::from_us(1) && left < Time::from_ns(1_010),

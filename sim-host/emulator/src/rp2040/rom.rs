@@ -1,22 +1,23 @@
-//! The boot ROM: its tables and functions (RP2040 datasheet 2.8.2, 2.8.3), in Thumb code of our own.
+//! The boot ROM: its tables and functions (RP2040 datasheet 2.8.2, 2.8.3), in Thumb code of this
+//! project.
 //!
-//! What computes is code that runs. What drives the flash hands its arguments to a private register
-//! block of the emulation and polls until it is done, so that interrupts come meanwhile, as they do
-//! on the chip.
+//! Functions that compute are real code. Functions that drive the flash pass their arguments to a
+//! private register block of the emulator and poll until it has finished, so interrupts arrive
+//! meanwhile, as on the chip.
 
 use std::sync::{Arc, OnceLock};
 
 /// Bytes of the ROM (2.8).
 pub(crate) const SIZE: u32 = 16 * 1024;
 
-/// The private register block, in a place that is empty on the chip: four arguments, then the
+/// The private register block, at an address that is unused on the chip: four arguments, then the
 /// number of the function, which reads 0 when the function has ended.
 pub(crate) mod request {
     pub(crate) const BASE: u32 = 0x8000;
     pub(crate) const FUNCTION: u32 = 0x10;
 }
 
-/// Functions that the emulation does, by their number in the private register block.
+/// Functions that the emulator runs, by their number in the private register block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RomFunction {
     ConnectInternalFlash,
@@ -41,14 +42,14 @@ impl RomFunction {
         (Self::WaitForVector, *b"WV"),
     ];
 
-    /// The function of a number that was written.
+    /// Function of a written number.
     pub(crate) fn numbered(number: u32) -> Option<Self> {
         let mut all = (1..).zip(Self::ALL);
         all.find_map(|(its_number, (function, _))| (its_number == number).then_some(function))
     }
 }
 
-/// r0 = the entry of a table at r0 whose code is r1, or 0.
+/// r0 = the entry with code r1 in the table at r0, or 0.
 const TABLE_LOOKUP: [u16; 11] = [
     0x8802, // 1: ldrh r2, [r0]
     0x2A00, //    cmp  r2, #0
@@ -63,7 +64,7 @@ const TABLE_LOOKUP: [u16; 11] = [
     0x4770, //    bx   lr
 ];
 
-/// r0 = ones in r0.
+/// r0 = number of ones in r0.
 const POPCOUNT32: [u16; 8] = [
     0x2100, //    movs r1, #0
     0x2200, //    movs r2, #0
@@ -75,7 +76,7 @@ const POPCOUNT32: [u16; 8] = [
     0x4770, //    bx   lr
 ];
 
-/// r0 = r0 from its other end.
+/// r0 = r0 with its bits reversed.
 const REVERSE32: [u16; 8] = [
     0x2100, //    movs r1, #0
     0x2220, //    movs r2, #32
@@ -87,7 +88,7 @@ const REVERSE32: [u16; 8] = [
     0x4770, //    bx   lr
 ];
 
-/// r0 = zeros above the highest one of r0.
+/// r0 = number of leading zeros of r0.
 const CLZ32: [u16; 8] = [
     0x2120, //    movs r1, #32
     0x2800, // 1: cmp  r0, #0
@@ -99,7 +100,7 @@ const CLZ32: [u16; 8] = [
     0x4770, //    bx   lr
 ];
 
-/// r0 = zeros below the lowest one of r0.
+/// r0 = number of trailing zeros of r0.
 const CTZ32: [u16; 8] = [
     0x2120, //    movs r1, #32
     0x2800, // 1: cmp  r0, #0
@@ -111,7 +112,7 @@ const CTZ32: [u16; 8] = [
     0x4770, //    bx   lr
 ];
 
-/// r2 bytes from r0 on become r1. Byte by byte: slower than the chip's.
+/// Sets r2 bytes from r0 on to r1. Byte by byte: slower than the chip's.
 const MEMSET: [u16; 7] = [
     0x2300, //    movs r3, #0
     0x4293, // 1: cmp  r3, r2
@@ -133,7 +134,7 @@ const MEMCPY: [u16; 7] = [
     0x4770, // 2: bx   lr
 ];
 
-/// Hands r0 to r3 and the number of a function to the emulation, and waits for its end.
+/// Passes r0 to r3 and the number of a function to the emulator, and waits until it ends.
 const fn call(number: u16) -> [u16; 13] {
     [
         0xB530,          //    push {r4, r5, lr}
@@ -152,21 +153,20 @@ const fn call(number: u16) -> [u16; 13] {
     ]
 }
 
-/// The stack that the ROM starts with: the end of memory.
+/// Initial stack of the ROM: the end of memory.
 const STACK: u32 = 0x2004_2000;
-/// What a processor does that is started in the ROM by other means than a reset: nothing, for ever.
+/// Code for a processor that enters the ROM other than by a reset: an endless loop.
 const DEAD: [u16; 2] = [
     0xBF30, // 1: wfi
     0xE7FD, //    b    1b
 ];
-/// "Mu", the version of the tables, and that of the ROM (2.8.2): the third, as chips have it since
-/// 2021.
+/// "Mu", the version of the tables, and that of the ROM (2.8.2): version 3, as in chips since 2021.
 const MAGIC: [u8; 4] = [b'M', b'u', 1, 3];
-/// Where the pointers to the two tables and the lookup function lie (2.8.2).
+/// Address of the pointers to the two tables and the lookup function (2.8.2).
 const POINTERS: u32 = 0x14;
-/// Where code begins: behind the pointers.
+/// Start of the code, after the pointers.
 const CODE: u32 = 0x1C;
-/// What the data table says of this ROM.
+/// Copyright text in the data table of this ROM.
 const COPYRIGHT: &[u8] = b"palpate-emulator\0";
 const REVISION: [u8; 4] = [0; 4];
 
@@ -229,13 +229,13 @@ impl Builder {
         functions
     }
 
-    /// Adds code; returns its address as a branch takes it, with the bit of Thumb.
+    /// Adds code; returns its address for a branch, with the Thumb bit.
     fn code(&mut self, words: &[u16]) -> u16 {
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         self.data(&bytes) | 1
     }
 
-    /// Adds bytes at a multiple of four; returns their address.
+    /// Adds bytes, aligned to four; returns their address.
     fn data(&mut self, bytes: &[u8]) -> u16 {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let address = self.bytes.len() as u16;

@@ -1,18 +1,17 @@
-//! What runs of the boot ROM's functions, and in which order they may be called (RP2040 datasheet
-//! 2.8.3).
+//! Running functions of the boot ROM, and their required order of calls (RP2040 datasheet 2.8.3).
 
 use std::collections::VecDeque;
 
 use crate::board::flash::{FlashOperationKind, PAGE};
 use crate::rp2040::rom::RomFunction;
 
-/// Bits of a command with its address, and of the command that enables writing before it.
+/// Bits of a command with its address, and of the write-enable command before it.
 const COMMAND_BITS: u64 = 8 + 32;
 /// Cycles of `flash_exit_xip`: twice 2048 rounds of three cycles until pulls have settled, and ten
 /// bytes at six cycles a bit (the boot ROM's source, `program_flash_generic.c`).
 pub(crate) const EXIT_XIP_CYCLES: u64 = 2 * 2048 * 3 + 10 * 8 * 6;
 
-/// An operation that waits for its turn.
+/// A queued operation.
 #[derive(Clone, Debug)]
 pub(crate) struct Step {
     pub(crate) kind: FlashOperationKind,
@@ -21,7 +20,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An erase.
+    /// An erase step.
     pub(crate) fn erase(kind: FlashOperationKind, address: u32) -> Self {
         Self {
             kind,
@@ -30,7 +29,7 @@ impl Step {
         }
     }
 
-    /// A page to program.
+    /// A program step.
     pub(crate) const fn program(address: u32, page: Box<[u8; PAGE]>) -> Self {
         Self {
             kind: FlashOperationKind::ProgramPage,
@@ -39,7 +38,7 @@ impl Step {
         }
     }
 
-    /// Bits that are sent before the flash begins.
+    /// Number of bits sent before the flash starts.
     pub(crate) const fn bits(&self) -> u64 {
         match self.kind {
             FlashOperationKind::ProgramPage => COMMAND_BITS + 8 * PAGE as u64,
@@ -48,34 +47,34 @@ impl Step {
     }
 }
 
-/// The function that runs.
+/// The running function.
 #[derive(Clone, Debug)]
 pub(crate) struct Running {
     pub(crate) function: RomFunction,
     pub(crate) steps: VecDeque<Step>,
-    /// When what is being sent, or waited for, has passed; nothing while the flash is busy.
+    /// End of the present transmission or wait; `None` while the flash is busy.
     pub(crate) due_ps: Option<u64>,
 }
 
-/// The private register block behind the ROM's functions.
+/// The private register block of the ROM's functions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RomCalls {
     pub(crate) arguments: [u32; 4],
     pub(crate) running: Option<Running>,
-    /// `connect_internal_flash` was called, and no `flash_flush_cache` since.
+    /// Whether `connect_internal_flash` was called, and no `flash_flush_cache` since.
     pub(crate) is_connected: bool,
-    /// The masks with which the boot loader is to start: activity pins, disabled interfaces.
+    /// Masks for the start of the boot loader: activity pins, disabled interfaces.
     pub(crate) usb_boot: Option<[u32; 2]>,
 }
 
 impl RomCalls {
-    /// When the function that runs goes on.
+    /// Time at which the running function continues.
     pub(crate) fn next_event(&self) -> Option<u64> {
         self.running.as_ref().and_then(|running| running.due_ps)
     }
 }
 
-/// The operations of `flash_range_erase`: blocks where they fit, sectors elsewhere.
+/// Operations of `flash_range_erase`: blocks where they fit, sectors elsewhere.
 pub(crate) fn erase_steps(
     mut address: u32,
     count: u32,

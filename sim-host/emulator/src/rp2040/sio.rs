@@ -1,4 +1,4 @@
-//! SIO: the processor's own registers (RP2040 datasheet 2.3.1). GPIO lies in [`crate::rp2040::gpio`].
+//! SIO: the processor's own registers (RP2040 datasheet 2.3.1). GPIO is in [`crate::rp2040::gpio`].
 
 /// CPUID, spinlocks and the divider.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +23,7 @@ impl Divider {
         (self.quotient, self.remainder) = if signed {
             let (a, b) = (dividend as i32, divisor as i32);
             match b {
-                // 2.3.1.5: division by zero gives a quotient of minus or plus one.
+                // 2.3.1.5: division by zero returns a quotient of minus or plus one.
                 0 => (if a < 0 { 1 } else { u32::MAX }, dividend),
                 _ => (a.wrapping_div(b) as u32, a.wrapping_rem(b) as u32),
             }
@@ -49,8 +49,8 @@ impl Sio {
                 divider.quotient
             }
             0x074 => divider.remainder,
-            // A division takes 8 cycles, which no instruction sequence beats that stores both
-            // operands and loads CSR: it is always ready here.
+            // A division takes 8 cycles. No instruction sequence that stores both operands and
+            // loads CSR is faster: here the result is always ready.
             0x078 => 1 | u32::from(divider.dirty) << 1,
             0x100..=0x17C => {
                 let bit = 1 << ((offset - 0x100) / 4);

@@ -1,4 +1,4 @@
-//! The way to the flash: SSI, IO_QSPI and PADS_QSPI (RP2040 datasheet 4.10, 2.19).
+//! The flash interface: SSI, IO_QSPI and PADS_QSPI (RP2040 datasheet 4.10, 2.19).
 
 use std::collections::VecDeque;
 
@@ -28,7 +28,8 @@ mod register {
     pub(super) const SPI_CTRLR0: u32 = 0xF4;
 }
 
-/// SR: busy, room to send, nothing to send, something received, receive queue full (4.10.13).
+/// SR: busy, transmit queue not full, transmit queue empty, receive queue not empty, receive queue
+/// full (4.10.13).
 mod status {
     pub(super) const BUSY: u32 = 1 << 0;
     pub(super) const TFNF: u32 = 1 << 1;
@@ -37,34 +38,35 @@ mod status {
     pub(super) const RFF: u32 = 1 << 4;
 }
 
-/// What the identification registers read (4.10.13).
+/// Value of the identification registers (4.10.13).
 const IDENTIFICATION: u32 = 0x5153_5049;
 const VERSION_4_01: u32 = 0x3430_312A;
 
-/// CTRLR0: bytes that go both ways on one wire.
+/// CTRLR0: bytes in both directions on one wire.
 const BYTES: u32 = 7 << 16;
-/// CTRLR0: an instruction and an address go out, a word of 32 bits comes in, on one wire.
+/// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on one wire.
 const READ_SERIAL: u32 = 31 << 16 | 3 << 8;
-/// The same on four wires.
+/// CTRLR0 for such a read on four wires.
 const READ_QUAD: u32 = 2 << 21 | READ_SERIAL;
 /// SPI_CTRLR0: command 03h before each address of 24 bits, all on one wire.
 const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
-/// SPI_CTRLR0: a command on one wire, then address and mode bits on four, and four clocks of
-/// waiting: the read that makes the flash continuous.
+/// SPI_CTRLR0: a command on one wire, then address and mode bits on four, and four wait clocks: the
+/// read that makes the flash continuous.
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
-/// SPI_CTRLR0: address and mode bits A0h on four wires without a command, and four clocks of waiting.
+/// SPI_CTRLR0: address and mode bits A0h on four wires without a command, and four wait clocks.
 const EACH_QUAD: u32 = 0xA0 << 24 | 4 << 11 | 8 << 2 | 2;
 /// Fast read on four wires (W25Q16JV datasheet, instructions).
 const FAST_READ_QUAD: u32 = 0xEB;
-/// Clocks of that read: the command, address and mode bits, waiting, a word.
+/// Clocks of that read: the command, address and mode bits, wait, a word.
 const FIRST_QUAD_CLOCKS: u64 = 8 + 8 + 4 + 8;
 
-/// Clocks of the system for one of the flash, as the boot ROM has it (2.8.3, `flash_exit_xip`).
+/// System clocks per flash clock in the boot ROM (2.8.3, `flash_exit_xip`).
 const ROM_DIVIDER: u32 = 6;
-/// The same as the second stage of the image has it (`rp2040-boot2`, `boot2_w25q080.S`).
+/// System clocks per flash clock in the second stage of the image (`rp2040-boot2`,
+/// `boot2_w25q080.S`).
 const SECOND_STAGE_DIVIDER: u32 = 4;
 
-/// CTRL of chip select in IO_QSPI: function 0 is XIP, none is 31 (2.19.6).
+/// CTRL of chip select in IO_QSPI: function 0 is XIP, 31 is none (2.19.6).
 const FUNCTION: u32 = 0x1F;
 const NO_FUNCTION: u32 = 31;
 const CHIP_SELECT: usize = 1;
@@ -73,7 +75,7 @@ const PINS: usize = 6;
 /// PADS_QSPI after a reset: VOLTAGE_SELECT, SCLK, SD0 to SD3, SS (2.19.6.4).
 const PADS: [u32; 7] = [0, 0x56, 0x52, 0x52, 0x52, 0x52, 0x5A];
 
-/// What the pin of chip select is made to do (OUTOVER, 2.19.6.2).
+/// Output override of the chip select pin (OUTOVER, 2.19.6.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Override {
     Normal,
@@ -81,14 +83,14 @@ enum Override {
     High,
 }
 
-/// A frame that is being sent, and when it will have been.
+/// A frame in transmission, with its end time.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     word: u32,
     ends_ps: u64,
 }
 
-/// The controller of the flash.
+/// Controller of the flash.
 #[derive(Clone, Debug)]
 pub(crate) struct Ssi {
     is_enabled: bool,
@@ -100,7 +102,7 @@ pub(crate) struct Ssi {
     sample_delay: u32,
     sent: VecDeque<Frame>,
     received: VecDeque<u32>,
-    /// The instruction of a quad read, until its address comes.
+    /// Instruction of a quad read, until its address arrives.
     instruction: Option<u32>,
     select: Override,
     functions: [u32; PINS],
@@ -108,7 +110,7 @@ pub(crate) struct Ssi {
 }
 
 impl Ssi {
-    /// As the second stage hands over to the image.
+    /// State after the second stage.
     pub(crate) fn new() -> Self {
         Self {
             is_enabled: true,
@@ -127,16 +129,16 @@ impl Ssi {
         }
     }
 
-    // ---- what the boot ROM does with it ----
+    // ---- functions of the boot ROM ----
 
-    /// `connect_internal_flash`: pads and pins as after a reset, then XIP at the pins.
+    /// `connect_internal_flash`: resets pads and pins, then selects XIP at the pins.
     pub(crate) fn connect(&mut self) {
         self.reset_pads();
         self.reset_pins();
         self.functions = [0; PINS];
     }
 
-    /// `flash_exit_xip`: bytes on one wire.
+    /// `flash_exit_xip`: byte transfers on one wire.
     pub(crate) fn set_serial(&mut self) {
         self.configure(BYTES, self.spi_control);
         self.divider = ROM_DIVIDER;
@@ -156,12 +158,12 @@ impl Ssi {
         self.is_enabled = true;
     }
 
-    /// Chip select is driven by hand, high, as the ROM leaves it behind its commands.
+    /// Drives chip select high by software, as the ROM leaves it after its commands.
     pub(crate) const fn deselect_by_hand(&mut self) {
         self.select = Override::High;
     }
 
-    /// Chip select is the SSI's again.
+    /// Returns chip select to the SSI.
     pub(crate) const fn release_select(&mut self) {
         self.select = Override::Normal;
     }
@@ -171,19 +173,19 @@ impl Ssi {
         self.is_enabled && self.control == BYTES && self.is_connected()
     }
 
-    /// Whether all pins are the flash's.
+    /// Whether all pins are connected to the flash.
     fn is_connected(&self) -> bool {
         self.functions == [0; PINS]
     }
 
-    /// Clocks of the system for one of the flash.
+    /// System clocks per flash clock.
     pub(crate) const fn divider(&self) -> u32 {
         self.divider
     }
 
     // ---- execute in place ----
 
-    /// How the flash is read in place, or why it cannot be.
+    /// Read format for execution in place, or the reason why it is impossible.
     pub(crate) fn read_format(&self, flash: &Flash) -> Result<ReadFormat, &'static str> {
         if flash.is_busy() {
             return Err(
@@ -213,7 +215,7 @@ impl Ssi {
 
     // ---- registers of the SSI ----
 
-    /// Sends what is due by now.
+    /// Sends all frames that are due.
     pub(crate) fn advance(&mut self, now_ps: u64, flash: &mut Flash) -> Result<(), Refusal> {
         while let Some(&frame) = self.sent.front()
             && frame.ends_ps <= now_ps
@@ -281,7 +283,7 @@ impl Ssi {
         })
     }
 
-    /// Frames in the queue; the one in front is already being shifted out.
+    /// Number of frames in the queue; the first one is already in transmission.
     fn waiting(&self) -> usize {
         self.sent.len().saturating_sub(1)
     }
@@ -300,7 +302,7 @@ impl Ssi {
         )
     }
 
-    /// `sys_hz` is the system's clock, from which that of the flash is divided.
+    /// Writes a register. `sys_hz` is the system clock, from which the flash clock is divided.
     pub(crate) fn write(
         &mut self,
         offset: u32,
@@ -319,7 +321,7 @@ impl Ssi {
         Ok(())
     }
 
-    /// What may be written while the SSI is disabled only (4.10.13).
+    /// Writes a register that may change only while the SSI is disabled (4.10.13).
     fn set_up(&mut self, offset: u32, value: u32) -> Result<(), Refusal> {
         let place = match offset {
             register::CTRLR0 => &mut self.control,
@@ -388,13 +390,13 @@ impl Ssi {
 
     // ---- pins and pads ----
 
-    /// IO_QSPI enters reset.
+    /// Resets IO_QSPI.
     pub(crate) const fn reset_pins(&mut self) {
         self.functions = [NO_FUNCTION; PINS];
         self.select = Override::Normal;
     }
 
-    /// PADS_QSPI enters reset.
+    /// Resets PADS_QSPI.
     pub(crate) const fn reset_pads(&mut self) {
         self.pads = PADS;
     }

@@ -1,12 +1,12 @@
 //! TIMER: microseconds and four alarms (RP2040 datasheet 4.6).
 
-/// The 64-bit microsecond timer. It counts the ticks that the watchdog block makes of clk_ref.
+/// The 64-bit microsecond timer. It counts the ticks that the watchdog block derives from clk_ref.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Timer {
-    /// The time at which the count was `base_us`.
+    /// Time at which the count was `base_us`.
     base_ps: u64,
     base_us: u64,
-    /// Length of a tick; 0 while there are none.
+    /// Length of a tick; 0 without ticks.
     tick_ps: f64,
     latched_high: u32,
     alarms: [u32; 4],
@@ -18,7 +18,7 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// Takes another length of the tick, `None` for no ticks.
+    /// Sets another tick length; `None` stops the ticks.
     pub(crate) fn set_tick(&mut self, now_ps: u64, tick_ps: Option<f64>) {
         let tick_ps = tick_ps.unwrap_or(0.0);
         if tick_ps != self.tick_ps {
@@ -28,7 +28,7 @@ impl Timer {
         }
     }
 
-    /// The block in reset.
+    /// Resets the block.
     pub(crate) fn reset(&mut self, now_ps: u64) {
         *self = Self {
             base_ps: now_ps,
@@ -37,7 +37,7 @@ impl Timer {
         };
     }
 
-    /// What it shows.
+    /// Present count.
     pub(crate) fn count(&self, now_ps: u64) -> u64 {
         if self.tick_ps == 0.0 {
             return self.base_us;
@@ -45,7 +45,7 @@ impl Timer {
         self.base_us + ((now_ps - self.base_ps) as f64 / self.tick_ps) as u64
     }
 
-    /// When an alarm next fires.
+    /// Time at which an alarm next fires.
     pub(crate) fn next_event(&self, now_ps: u64) -> Option<u64> {
         if self.armed == 0 || self.tick_ps == 0.0 {
             return None;
@@ -56,13 +56,13 @@ impl Timer {
             .map(|alarm| {
                 let left = self.alarms[alarm].wrapping_sub(now_us as u32);
                 let due_us = now_us + u64::from(left) - self.base_us;
-                // Half a tick in, so that rounding cannot put it before the tick.
+                // Slightly after the tick, so that rounding cannot put it before.
                 self.base_ps + ((due_us as f64 + 0.001) * self.tick_ps) as u64
             })
             .min()
     }
 
-    /// Fires the alarms whose time has come: those that equal the lower half of the count.
+    /// Fires the alarms that are due: those that equal the lower half of the count.
     pub(crate) fn service(&mut self, now_ps: u64) {
         let since_ps = std::mem::replace(&mut self.serviced_ps, now_ps);
         if self.armed == 0 {
@@ -115,7 +115,7 @@ impl Timer {
             0x34 => self.raised &= !value,
             0x38 => self.enabled = value & 0xF,
             0x3C => self.forced = value & 0xF,
-            // Whether it stops for a debugger, of which there is none.
+            // Whether a debugger stops it; there is no debugger.
             0x2C => {}
             _ => return None,
         }

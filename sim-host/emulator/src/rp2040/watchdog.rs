@@ -1,33 +1,33 @@
-//! WATCHDOG: the reset that needs feeding, its scratch registers, and the tick (datasheet 4.7).
+//! WATCHDOG: the reset timer, its scratch registers, and the tick (datasheet 4.7).
 
-/// The watchdog block. A reset by it keeps everything here but the count.
+/// The watchdog block. A watchdog reset keeps everything here except the count.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watchdog {
     enabled: bool,
     pauses: u32,
-    /// When it expires.
+    /// Expiry time.
     due_ps: Option<u64>,
-    /// When it was fed last, and the longest time from one feeding to the next.
+    /// Time of the last feeding, and the longest interval between two feedings.
     fed_ps: Option<u64>,
     longest_unfed_ps: u64,
     left: u32,
     reason: u32,
-    /// The reset was requested.
+    /// Whether the reset was requested.
     is_forced: bool,
     scratch: [u32; 8],
     tick: u32,
-    /// It has expired, and the chip is to be reset.
+    /// Whether it has expired and the chip must be reset.
     pub(crate) has_fired: bool,
 }
 
-/// CTRL: halve the load, RP2040-E1: the count falls by two a tick.
+/// Decrement of the count per tick: two, by erratum RP2040-E1.
 const PER_TICK: u64 = 2;
 const TICK_ENABLE: u32 = 1 << 9;
 const TIMER_EXPIRED: u32 = 1;
 const FORCED: u32 = 2;
 
 impl Watchdog {
-    /// Length of the microsecond tick, if clk_ref runs and ticks are made of it.
+    /// Length of the microsecond tick; `None` if clk_ref is stopped or ticks are disabled.
     pub(crate) fn tick_ps(&self, ref_hz: f64) -> Option<f64> {
         let is_on = self.tick & TICK_ENABLE != 0 && ref_hz > 0.0;
         is_on.then(|| f64::from((self.tick & 0x1FF).max(1)) * 1e12 / ref_hz)
@@ -37,7 +37,7 @@ impl Watchdog {
         self.due_ps.filter(|_| self.enabled)
     }
 
-    /// Whether it resets now.
+    /// Whether it resets the chip now.
     pub(crate) fn expires(&mut self, now_ps: u64) -> bool {
         let is_due = self.next_event().is_some_and(|due| due <= now_ps);
         if is_due {
@@ -50,7 +50,7 @@ impl Watchdog {
         is_due
     }
 
-    /// What remains after a reset by the watchdog.
+    /// State after a watchdog reset.
     pub(crate) fn after_reset(&mut self) {
         self.enabled = false;
         self.is_forced = false;
@@ -60,7 +60,7 @@ impl Watchdog {
         self.has_fired = false;
     }
 
-    /// The longest time from one feeding to the next since the last call.
+    /// Longest interval between two feedings since the last call.
     pub(crate) const fn take_longest_unfed_ps(&mut self) -> u64 {
         std::mem::replace(&mut self.longest_unfed_ps, 0)
     }
@@ -88,7 +88,7 @@ impl Watchdog {
         })
     }
 
-    /// `ref_hz` is the frequency of clk_ref now.
+    /// Writes a register. `ref_hz` is the present frequency of clk_ref.
     pub(crate) fn write(
         &mut self,
         offset: u32,

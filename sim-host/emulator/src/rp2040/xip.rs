@@ -1,47 +1,47 @@
-//! What a fetch from flash costs: the cache in front of it (RP2040 datasheet 2.6.3).
+//! Cost of a fetch from flash, with its cache (RP2040 datasheet 2.6.3).
 
-/// Bytes of a line; 16 KiB in two ways of 1024 lines each (2.6.3.2: a flush takes
-/// 16 kB / 8 bytes / 2 ways cycles).
+/// Bytes of a line; 16 KiB in two ways of 1024 lines each (2.6.3.2: a flush takes 16 kB / 8 bytes /
+/// 2 ways cycles).
 const LINE: u32 = 8;
 const SETS: usize = 1024;
 
 /// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet, instructions).
 const SERIAL_CLOCKS: u32 = 32;
-/// Cycles of a fetch besides the clocks of the flash: what the measured cost of a word, 50 cycles,
-/// leaves beyond 20 clocks of two cycles (`Options::miss_cycles`).
+/// Cycles of a fetch in addition to the flash clocks: the measured cost of a word, 50 cycles, less
+/// 20 clocks of two cycles (`Options::miss_cycles`).
 const FETCH_CYCLES: u32 = 10;
 /// Cycles of the second word of a line on four wires: eight clocks of two cycles.
 const QUAD_WORD_CYCLES: u32 = 16;
-/// Cycles of a flush: one a line and way (2.6.3.2).
+/// Cycles of a flush: one per line of a way (2.6.3.2).
 pub(crate) const FLUSH_CYCLES: u64 = SETS as u64;
 
-/// How the flash is read in place.
+/// Format of reads from the flash in place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ReadFormat {
-    /// On four wires, as the second stage sets it up.
+    /// On four wires, as set up by the second stage.
     Quad,
-    /// On one wire by command 03h, as the boot ROM sets it up (2.8.3, `flash_enter_cmd_xip`).
+    /// On one wire by command 03h, as set up by the boot ROM (2.8.3, `flash_enter_cmd_xip`).
     Serial {
-        /// Cycles of the system for a clock of the flash.
+        /// System cycles per flash clock.
         divider: u32,
     },
 }
 
-/// The execute-in-place cache: 16 KiB, two ways, one cycle a hit.
+/// The execute-in-place cache: 16 KiB, two ways, one cycle per hit.
 #[derive(Clone, Debug)]
 pub(crate) struct Cache {
     tags: Vec<[u32; 2]>,
-    /// The way that was used last.
+    /// Most recently used way of each set.
     recent: Vec<u8>,
     last_line: u32,
     format: ReadFormat,
-    /// What a line costs on four wires.
+    /// Cycles to fetch a line on four wires.
     quad_cycles: u32,
     pub(crate) hits: u64,
     pub(crate) misses: u64,
 }
 
-/// No line has this tag.
+/// Tag that no line has.
 const EMPTY: u32 = u32::MAX;
 
 impl Cache {
@@ -62,7 +62,7 @@ impl Cache {
         self.last_line = EMPTY;
     }
 
-    /// Lets the flash be read in another way from now on.
+    /// Changes the read format from now on.
     pub(crate) const fn set_format(&mut self, format: ReadFormat) {
         self.format = format;
     }
@@ -74,7 +74,7 @@ impl Cache {
         }
     }
 
-    /// The cycles that a word without the cache waits: half a line.
+    /// Wait cycles of an uncached word: half a line.
     pub(crate) const fn word_cycles(&self) -> u32 {
         match self.format {
             ReadFormat::Quad => self.quad_cycles.saturating_sub(QUAD_WORD_CYCLES),
@@ -84,7 +84,7 @@ impl Cache {
         }
     }
 
-    /// The cycles of an access that takes what the cache holds, and leaves it as it is.
+    /// Wait cycles of an access that uses the cache without changing it.
     pub(crate) fn read_only(&self, address: u32) -> u32 {
         let line = address / LINE;
         let tags = self.tags.get(line as usize % SETS);
@@ -95,7 +95,7 @@ impl Cache {
         }
     }
 
-    /// The cycles of an access that fetches its line whatever the cache holds.
+    /// Wait cycles of an access that always fetches its line.
     pub(crate) fn refill(&mut self, address: u32) -> u32 {
         let line = address / LINE;
         self.last_line = line;
@@ -103,7 +103,7 @@ impl Cache {
         self.line_cycles()
     }
 
-    /// The cycles that an access to a flash address waits.
+    /// Wait cycles of an access to a flash address.
     #[inline]
     pub(crate) fn access(&mut self, address: u32) -> u32 {
         let line = address / LINE;

@@ -1,5 +1,5 @@
-//! Whether descriptors keep the rules of USB 2.0 chapter 9, of the association (engineering change
-//! notice of 2003) and of CDC 1.2 with its subclass PSTN 1.2.
+//! Checks descriptors against USB 2.0 chapter 9, the association (engineering change notice of
+//! 2003) and CDC 1.2 with its subclass PSTN 1.2.
 
 use std::fmt;
 
@@ -8,9 +8,9 @@ use super::description::{Interface, UsbDescription, class, descriptors, interfac
 /// A rule that a descriptor breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptorProblem {
-    /// Where the rule stands.
+    /// Source of the rule.
     pub source: &'static str,
-    /// What is wrong, and with which descriptor.
+    /// Description of the problem, with the descriptor.
     pub what: String,
 }
 
@@ -39,7 +39,7 @@ const HEADER: u8 = 0x00;
 const CALL_MANAGEMENT: u8 = 0x01;
 const ABSTRACT_CONTROL: u8 = 0x02;
 
-/// Every rule that a description breaks, in the order of its descriptors.
+/// Returns every rule that a description breaks, in the order of its descriptors.
 #[must_use]
 pub fn check_descriptors(description: &UsbDescription) -> Vec<DescriptorProblem> {
     let mut check = Check {
@@ -579,7 +579,7 @@ mod tests {
         assert_eq!(check_descriptors(&good()), []);
     }
 
-    /// A byte of the device descriptor, and what it breaks.
+    /// Each case: a byte of the device descriptor, and the rule that it breaks.
     #[test]
     fn each_wrong_byte_of_the_device_is_found() {
         let wrong = [
@@ -603,7 +603,7 @@ mod tests {
 
     const DEVICE_SOURCES: &[&str] = &[super::DEVICE];
 
-    /// A byte of the configuration, and the first rule that it breaks.
+    /// Each case: a byte of the configuration, and the first rule that it breaks.
     #[test]
     fn each_wrong_byte_of_the_configuration_is_found() {
         let wrong = [
@@ -614,16 +614,16 @@ mod tests {
             (7, 0, super::CONFIGURATION),
             (7, 0x81, super::CONFIGURATION),
             (8, 251, super::CONFIGURATION),
-            // The association.
+            // Association.
             (11, 1, ASSOCIATION),
             (12, 4, ASSOCIATION),
             (13, 3, ASSOCIATION),
-            // The control interface: setting, endpoints, class.
+            // Control interface: setting, endpoints, class.
             (20, 1, INTERFACE),
             (21, 2, INTERFACE),
             (22, 0, INTERFACE),
             (24, 7, ACM),
-            // Its functional descriptors.
+            // Functional descriptors of the control interface.
             (28, 4, CDC),
             (29, 0x30, CDC),
             (33, 2, ACM),
@@ -631,13 +631,13 @@ mod tests {
             (39, 0x10, ACM),
             (43, 1, CDC),
             (44, 7, CDC),
-            // The notification endpoint.
+            // Notification endpoint.
             (47, 0x80, ENDPOINT),
             (47, 0x01, CDC),
             (48, 0x13, ENDPOINT),
             (49, 65, ENDPOINT),
             (51, 0, ENDPOINT),
-            // The interface of data and its endpoints.
+            // Data interface with its endpoints.
             (58, 1, CDC),
             (63, 0x02, CDC_DATA),
             (64, 3, ENDPOINT),

@@ -1,18 +1,18 @@
-//! The USB controller as a device (RP2040 datasheet 4.1): registers, and its part of a transaction.
+//! The USB controller as a device (RP2040 datasheet 4.1): registers, and its side of a transaction.
 
 use ldc161x_sim::Time;
 
 use super::memory::{ENDPOINTS, PacketMemory, SIZE, buffer};
 use super::wire::{FRAME_PS, LARGEST_PACKET, Reply, Transaction, TransactionKind};
 
-/// A bus that is idle for so long is suspended (USB 2.0 7.1.7.6).
+/// Idle time after which the bus is suspended (USB 2.0 7.1.7.6).
 const SUSPENDS_PS: u64 = 3_000_000_000;
-/// From the end of a bus reset to CONNECTED, with the bus idle (RP2040 datasheet, erratum E5).
+/// Time from the end of a bus reset to CONNECTED, with an idle bus (RP2040 datasheet, erratum E5).
 const CONNECTS_PS: u64 = 800_000_000;
 
-/// A bulk IN packet that is made available so long after the start of a frame may meet its end (RP2040
-/// datasheet, erratum E15; its workaround leaves out the last fifth of a frame, up to the point EOF2 of
-/// USB 2.0 11.2.5).
+/// Times after the start of a frame at which a newly available bulk IN packet may collide with the
+/// frame's end (RP2040 datasheet, erratum E15; its workaround leaves out the last fifth of a frame,
+/// up to the point EOF2 of USB 2.0 11.2.5).
 const ENDS_FRAME_PS: core::ops::RangeInclusive<u64> = 800_000_000..=998_000_000;
 
 /// MAIN_CTRL.
@@ -78,7 +78,7 @@ mod raised {
     pub(super) const ALL: u32 = 0xF_FFFF;
 }
 
-/// Level of the lines as SIE_STATUS shows it (USB 2.0 7.1.7.1, full speed).
+/// State of the lines as SIE_STATUS shows it (USB 2.0 7.1.7.1, full speed).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LineState {
     /// Both low.
@@ -89,7 +89,7 @@ enum LineState {
     K = 2,
 }
 
-/// How an endpoint is set up.
+/// Settings of an endpoint.
 #[derive(Clone, Copy, Debug)]
 struct Endpoint {
     enabled: bool,
@@ -102,14 +102,14 @@ struct Endpoint {
     buffer: usize,
 }
 
-/// Buffers that are done and not yet cleared in BUFF_STATUS: how many, and the first one's number.
+/// Completed buffers that are not yet cleared in BUFF_STATUS: how many, and the first one's number.
 #[derive(Clone, Copy, Debug, Default)]
 struct Done {
     count: u8,
     first: usize,
 }
 
-/// A transaction with a buffer under way.
+/// A transaction with a buffer in progress.
 #[derive(Clone, Copy, Debug)]
 struct Busy {
     index: usize,
@@ -118,7 +118,7 @@ struct Busy {
     in_sequence: bool,
 }
 
-/// The block.
+/// The USB controller block.
 #[derive(Clone, Debug)]
 pub(crate) struct UsbController {
     pub(crate) memory: PacketMemory,
@@ -141,30 +141,30 @@ pub(crate) struct UsbController {
     line: LineState,
     suspended: bool,
     connected: bool,
-    /// Since when the bus is idle.
+    /// Time since when the bus is idle.
     idle_ps: u64,
-    /// The end of the last bus reset after which it is not connected yet.
+    /// End of the last bus reset, until CONNECTED is set.
     connecting_ps: Option<u64>,
     done: [Done; ENDPOINTS],
-    /// The next buffer by endpoint.
+    /// Next buffer of each endpoint.
     next_half: u32,
     busy: Option<Busy>,
     wakes: bool,
-    /// The last start of a frame.
+    /// Last start of frame.
     frame_ps: Option<u64>,
-    /// It answers nothing any more until the block is reset (erratum E15).
+    /// Whether it hangs until the block is reset (erratum E15).
     hangs: bool,
-    /// Whether it has that erratum: not for programs that do not know of it.
+    /// Whether erratum E15 is emulated; programs without its workaround disable it.
     pub(crate) can_hang: bool,
-    /// Latest time within a frame at which a bulk IN packet was made available, up to that point EOF2.
+    /// Latest time within a frame at which a bulk IN packet became available, up to EOF2.
     latest_bulk_ps: u64,
-    /// Setup packets that came while a packet of endpoint 0 was available.
+    /// Number of setup packets that arrived while a packet of endpoint 0 was available.
     answered_before: u32,
     problem: Option<&'static str>,
 }
 
 impl UsbController {
-    /// As after a reset of the block.
+    /// State after a reset of the block.
     pub(crate) fn new() -> Self {
         Self {
             memory: PacketMemory::new(),
@@ -202,7 +202,7 @@ impl UsbController {
         }
     }
 
-    /// Whether its pull-up shows a device at full speed. Without VBUS, which no pin brings on a
+    /// Whether its pull-up signals a full-speed device. Without VBUS, which no pin provides on a
     /// Raspberry Pi Pico, it does not; that is a guess.
     pub(crate) const fn is_attached(&self) -> bool {
         self.main & ENABLED != 0
@@ -215,19 +215,19 @@ impl UsbController {
         self.power & VBUS_OVERRIDE == VBUS_OVERRIDE
     }
 
-    /// What it was asked to do and the emulation does not follow.
+    /// Takes the last request that the emulator does not model.
     pub(crate) fn take_problem(&mut self) -> Option<&'static str> {
         self.problem.take()
     }
 
-    /// Whether it asks a suspended bus to resume, since the last call.
+    /// Whether it has requested a resume of a suspended bus since the last call.
     pub(crate) fn take_wake(&mut self) -> bool {
         std::mem::take(&mut self.wakes)
     }
 
     // ---- the bus ----
 
-    /// When its view of the bus next changes by itself.
+    /// Time at which its view of the bus next changes without an access.
     pub(crate) fn next_event(&self) -> Option<u64> {
         let suspends_ps = (self.is_attached() && !self.suspended && self.line == LineState::J)
             .then_some(self.idle_ps + SUSPENDS_PS);
@@ -235,7 +235,7 @@ impl UsbController {
         [suspends_ps, connects_ps].into_iter().flatten().min()
     }
 
-    /// Does what is due at a time.
+    /// Processes events that are due.
     pub(crate) fn service(&mut self, now_ps: u64) {
         if self
             .connecting_ps
@@ -264,7 +264,7 @@ impl UsbController {
         }
     }
 
-    /// The host pulls both lines low for longer than a device may overlook (USB 2.0 7.1.7.5). The
+    /// The host pulls both lines low for longer than a device may ignore (USB 2.0 7.1.7.5). The
     /// address stays: the firmware clears it.
     pub(crate) fn begin_reset(&mut self) {
         self.line = LineState::Reset;
@@ -283,7 +283,7 @@ impl UsbController {
         self.connecting_ps = (!self.connected).then_some(now_ps);
     }
 
-    /// The host begins to resume a suspended bus.
+    /// The host starts to resume a suspended bus.
     pub(crate) fn begin_resume(&mut self) {
         self.line = LineState::K;
         if self.suspended {
@@ -292,13 +292,13 @@ impl UsbController {
         self.set_suspended(false);
     }
 
-    /// The host's signal of a resume ends.
+    /// The host ends its resume signal.
     pub(crate) fn end_resume(&mut self, now_ps: u64) {
         self.line = LineState::J;
         self.idle_ps = now_ps;
     }
 
-    /// The cable is pulled: the lines stay idle by the pull-up.
+    /// Unplugs the cable: the pull-up keeps the lines idle.
     pub(crate) fn unplug(&mut self, now_ps: u64) {
         self.line = LineState::J;
         self.end_transaction();
@@ -317,7 +317,7 @@ impl UsbController {
 
     // ---- transactions ----
 
-    /// A token has arrived. What it decides holds until the transaction ends.
+    /// Handles a token. The returned decision applies until the transaction ends.
     pub(crate) fn begin(&mut self, transaction: &Transaction, now_ps: u64) -> Reply {
         self.idle_ps = now_ps;
         self.end_transaction();
@@ -343,12 +343,12 @@ impl UsbController {
         }
     }
 
-    /// Latest time within a frame at which a bulk IN packet was made available that the host has taken.
+    /// Latest time within a frame at which a bulk IN packet read by the host became available.
     pub(crate) const fn latest_bulk(&self) -> Time {
         Time::from_ps(self.latest_bulk_ps)
     }
 
-    /// Setup packets that came while a packet of endpoint 0 was available.
+    /// Number of setup packets that arrived while a packet of endpoint 0 was available.
     pub(crate) const fn answered_before(&self) -> u32 {
         self.answered_before
     }
@@ -361,16 +361,16 @@ impl UsbController {
         let Some((armed_ps, frame_ps)) = armed_ps.zip(self.frame_ps).filter(|_| is_bulk) else {
             return;
         };
-        // In this frame, or in one before.
+        // In this frame, or in an earlier one.
         let within_ps = (armed_ps + FRAME_PS - frame_ps % FRAME_PS) % FRAME_PS;
         if within_ps <= *ENDS_FRAME_PS.end() {
             self.latest_bulk_ps = self.latest_bulk_ps.max(within_ps);
         }
     }
 
-    /// Whether a bulk packet that the host asks for now was made available at the end of this frame: where
-    /// the start of the next one takes the place of the host's answer, the controller waits for that for
-    /// ever. Here it always does, the worst that the erratum allows.
+    /// Whether a bulk packet requested now became available at the end of this frame: if the start
+    /// of the next frame replaces the host's answer, the controller waits for that answer for ever.
+    /// Here it always does, the worst case of the erratum.
     fn ends_frame(&self, index: usize, now_ps: u64) -> bool {
         let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
         let which = self.busy.map_or(0, |busy| busy.half);
@@ -382,7 +382,7 @@ impl UsbController {
         self.can_hang && is_bulk && armed_ps.zip(self.frame_ps).is_some_and(late)
     }
 
-    /// `data1` is the PID of the data that the host sends, if it does.
+    /// Starts a transaction with a buffer. `data1` is the PID of the host's data, if any.
     fn begin_buffer(&mut self, index: usize, data1: Option<bool>) -> Reply {
         let Some(endpoint) = self.endpoint(index).filter(|it| it.enabled) else {
             return Reply::Silence;
@@ -423,7 +423,7 @@ impl UsbController {
         }
     }
 
-    /// On endpoint 0 a stall has to be armed besides (EP_STALL_ARM).
+    /// Whether the endpoint stalls; on endpoint 0 the stall must also be armed (EP_STALL_ARM).
     fn stalls(&self, index: usize) -> bool {
         let is_armed = index > 1 || self.stall_armed >> index & 1 == 1;
         is_armed && self.memory.half(index, 0) & buffer::STALL != 0
@@ -443,9 +443,9 @@ impl UsbController {
         }
     }
 
-    /// A transaction that was acknowledged, by the host if it was an IN, has ended. A packet out of
-    /// sequence is acknowledged and dropped (USB 2.0 8.6.4). LENGTH does not limit what is received;
-    /// that is a guess.
+    /// Ends an acknowledged transaction; for an IN the host acknowledged it. A packet out of
+    /// sequence is acknowledged and dropped (USB 2.0 8.6.4). LENGTH does not limit the received
+    /// data; that is a guess.
     pub(crate) fn end(&mut self, transaction: &Transaction, now_ps: u64) {
         self.idle_ps = now_ps;
         match &transaction.kind {
@@ -482,7 +482,7 @@ impl UsbController {
         self.write_back(busy, half | buffer::FULL | data.len() as u16);
     }
 
-    /// Hands a buffer back to the processor.
+    /// Returns a buffer to the processor.
     fn write_back(&mut self, busy: Busy, half: u16) {
         let Busy {
             index, half: which, ..
@@ -503,7 +503,7 @@ impl UsbController {
         }
     }
 
-    /// Whatever was under way is over; an endpoint that was to be aborted is idle.
+    /// Ends any transaction; an endpoint with a pending abort becomes idle.
     fn end_transaction(&mut self) {
         if let Some(busy) = self.busy.take() {
             self.abort_done |= self.aborted & 1 << busy.index;
@@ -525,7 +525,7 @@ impl UsbController {
             });
         };
         let has = |bit: u32| word >> bit & 1 == 1;
-        // 4.1.2.5.2. Type isochronous, 1, is not followed: it has no handshakes.
+        // 4.1.2.5.2. Isochronous endpoints, type 1, are not modelled: they have no handshakes.
         (word >> 26 & 0b11 != 1).then_some(Endpoint {
             enabled: has(31),
             double: has(30),
@@ -628,9 +628,9 @@ impl UsbController {
         })
     }
 
-    /// Writes a register through one of its four views: plain, exclusive or, set, clear. A bit that
-    /// is cleared by writing a one is so through the plain view and that which clears, as the SDK
-    /// relies on.
+    /// Writes a register through one of its four views: plain, xor, set, clear. A
+    /// write-one-to-clear bit is cleared through the plain and the clear view; the SDK relies on
+    /// it.
     pub(crate) fn write(&mut self, view: u32, offset: u32, value: u32, now_ps: u64) -> Option<()> {
         if let 0x50 | 0x58 | 0x64 | 0x70 = offset {
             return matches!(view, 0 | 3).then(|| self.clear(offset, value));
@@ -665,7 +665,7 @@ impl UsbController {
         }
     }
 
-    /// SUSPENDED and CONNECTED are levels: clearing them clears their interrupts.
+    /// SUSPENDED and CONNECTED are levels: clearing them also clears their interrupts.
     fn clear_status(&mut self, value: u32) {
         self.status &= !value;
         let latches = [
@@ -679,9 +679,9 @@ impl UsbController {
 
     fn set(&mut self, offset: u32, value: u32) -> Option<()> {
         match offset {
-            // The endpoint is the host's.
+            // The host's endpoint.
             0x00 if value <= 0x7F => self.address = value,
-            // Neither host nor short times.
+            // Neither host mode nor shortened times.
             0x40 if value & !ENABLED == 0 => self.main = value,
             0x4C => self.set_control(value)?,
             0x60 => {
@@ -716,7 +716,7 @@ impl UsbController {
 }
 
 impl Done {
-    /// A buffer is done (4.1.2.5.2, interrupts of an endpoint).
+    /// Marks a buffer as complete (4.1.2.5.2, interrupts of an endpoint).
     fn add(&mut self, half: usize, endpoint: Endpoint) {
         if endpoint.per_buffer {
             if self.count == 0 || !endpoint.double {
@@ -735,15 +735,15 @@ impl Done {
         }
     }
 
-    /// One is cleared; a second one shows at once.
+    /// Clears one buffer; a second one shows at once.
     fn take(&mut self) {
         self.count = self.count.saturating_sub(1);
         self.first ^= 1;
     }
 }
 
-/// Registers of the host, of the PHY's direct control and none: they hold zero, and only that is
-/// written to them.
+/// Registers of host mode, of direct PHY control, and unused ones: they read zero, and accept only
+/// zero.
 const fn is_unused(offset: u32) -> bool {
     matches!(offset, 0x04..=0x3C | 0x44 | 0x54 | 0x7C | 0x80 | 0x88)
 }

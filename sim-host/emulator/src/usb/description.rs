@@ -1,4 +1,4 @@
-//! What a device says of itself: its descriptors, and what a host finds in them.
+//! Descriptors of a device, and the functions that a host finds in them.
 
 use std::collections::BTreeMap;
 
@@ -26,21 +26,21 @@ pub(super) mod class {
     pub(in crate::usb) const UNION: u8 = 0x06;
 }
 
-/// What a device answered to a host's questions, byte by byte.
+/// Descriptors that a device returned to a host, byte by byte.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct UsbDescription {
     /// The device descriptor (USB 2.0 9.6.1).
     pub device: Vec<u8>,
-    /// The configuration descriptor with all that follow it (9.6.3).
+    /// Configuration descriptor with all of its subordinate descriptors (9.6.3).
     pub configuration: Vec<u8>,
-    /// The descriptor of the capabilities, of a device of USB 2.1 (USB 3.2 9.6.2).
+    /// BOS descriptor of the capabilities, for a device of USB 2.1 (USB 3.2 9.6.2).
     pub bos: Option<Vec<u8>>,
-    /// The descriptor of the languages; empty without strings (9.6.7).
+    /// Descriptor of the languages; empty without strings (9.6.7).
     pub languages: Vec<u8>,
-    /// The string descriptors that others refer to, by index, in the first language; empty where
-    /// the device refused.
+    /// String descriptors that other descriptors refer to, by index, in the first language; empty
+    /// where the device refused.
     pub strings: BTreeMap<u8, Vec<u8>>,
-    /// Whether it refused a device qualifier, as one without high speed has to (9.6.2).
+    /// Whether it refused a device qualifier, as required without high speed (9.6.2).
     pub refused_qualifier: bool,
 }
 
@@ -51,22 +51,22 @@ pub struct UsbEndpoint {
     pub address: u8,
     /// Largest packet, bytes.
     pub largest_packet: u16,
-    /// Frames from poll to poll of an interrupt endpoint.
+    /// Poll interval of an interrupt endpoint, frames.
     pub interval: u8,
 }
 
 /// A serial port of a device (CDC, abstract control model).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CdcFunction {
-    /// The interface that takes the class's requests.
+    /// Interface for class requests.
     pub control_interface: u8,
-    /// The interface with the data.
+    /// Data interface.
     pub data_interface: u8,
-    /// Where the device notifies the host.
+    /// Notification endpoint.
     pub notification: Option<UsbEndpoint>,
-    /// Data from the device.
+    /// Endpoint for data from the device.
     pub input: UsbEndpoint,
-    /// Data to the device.
+    /// Endpoint for data to the device.
     pub output: UsbEndpoint,
 }
 
@@ -96,7 +96,7 @@ impl UsbDescription {
         })
     }
 
-    /// The number of the first interface of the vendor's own class.
+    /// Number of the first vendor-specific interface.
     #[must_use]
     pub fn vendor_interface(&self) -> Option<u8> {
         let interfaces = interfaces(&self.configuration);
@@ -104,7 +104,7 @@ impl UsbDescription {
         vendor.map(|it| it.number)
     }
 
-    /// A string by its index; nothing if there is none.
+    /// String of an index; `None` if there is none.
     #[must_use]
     pub fn string(&self, index: u8) -> Option<String> {
         let units = self.strings.get(&index)?.get(2..)?.chunks_exact(2);
@@ -112,7 +112,7 @@ impl UsbDescription {
         (!units.is_empty()).then(|| String::from_utf16_lossy(&units))
     }
 
-    /// The indices of the strings that device, interfaces and associations refer to.
+    /// Indices of the strings that device, interfaces and associations refer to.
     pub(super) fn string_indices(&self) -> Vec<u8> {
         let of_device = [14, 15, 16].map(|at| self.device.get(at).copied());
         let of_others = descriptors(&self.configuration).map(|it| match it.get(1).copied() {
@@ -129,7 +129,7 @@ impl UsbDescription {
     }
 }
 
-/// An interface with what follows it, up to the next one.
+/// An interface with its descriptors, up to the next one.
 pub(super) struct Interface<'a> {
     pub(super) number: u8,
     pub(super) alternate: u8,
@@ -143,14 +143,14 @@ pub(super) struct Interface<'a> {
 }
 
 impl<'a> Interface<'a> {
-    /// The functional descriptor of a subtype.
+    /// Functional descriptor of a subtype.
     pub(super) fn functional(&self, subtype: u8) -> Option<&'a [u8]> {
         let mut all = self.functionals.iter();
         all.find(|it| it.get(2) == Some(&subtype)).copied()
     }
 }
 
-/// One descriptor after the other, as far as their lengths make sense.
+/// Iterates over the descriptors, while their lengths are valid.
 pub(super) fn descriptors(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     std::iter::from_fn(move || {
         let length = usize::from(*bytes.first()?);
@@ -163,7 +163,7 @@ pub(super) fn descriptors(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The interfaces of a configuration in their order, each setting by itself.
+/// Interfaces of a configuration in order, with each alternate setting separate.
 pub(super) fn interfaces(configuration: &[u8]) -> Vec<Interface<'_>> {
     let mut interfaces: Vec<Interface<'_>> = Vec::new();
     for descriptor in descriptors(configuration) {

@@ -1,18 +1,19 @@
 //! DPSRAM: the memory that processor and USB controller share (RP2040 datasheet 4.1.2.5).
 
-/// Bytes of it.
+/// Size, bytes.
 pub(crate) const SIZE: usize = 4096;
 /// Endpoints by number and direction: IN of endpoint 0, OUT of endpoint 0, IN of endpoint 1, ...
 pub(crate) const ENDPOINTS: usize = 32;
-/// Where the setup packet arrives.
+/// Offset of the setup packet.
 const SETUP: usize = 0;
 /// The control words of endpoint 1 and higher.
 const ENDPOINT_CONTROL: usize = 0x08;
 /// The buffer control words.
 const BUFFER_CONTROL: usize = 0x80;
-/// Behind them begin the buffers.
+/// Start of the buffers.
 const BUFFERS: usize = 0x100;
-/// One period of clk_usb, which the rest of a half has to be there before AVAILABLE (4.1.2.5.1).
+/// One period of clk_usb: the rest of a half must be written this long before AVAILABLE
+/// (4.1.2.5.1).
 const SETTLING_PS: u64 = 1_000_000 / 48;
 
 /// Bits of either half of a buffer control word (4.1.2.5.3).
@@ -28,22 +29,22 @@ pub(crate) mod buffer {
     pub(crate) const FULL: u16 = 1 << 15;
 }
 
-/// One half of a buffer control word, as the controller sees it.
+/// One half of a buffer control word, as the controller reads it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Half {
     seen: u16,
-    /// The rest before it was last changed, and when that was.
+    /// The rest before its last change, and the time of that change.
     before: u16,
     changed_ps: Option<u64>,
-    /// When it was last made available.
+    /// Time at which it was last made available.
     armed_ps: Option<u64>,
 }
 
 /// The memory.
 ///
-/// A half that is made available together with its rest, or less than a period of clk_usb after it,
-/// may be seen with the rest of before. Here it always is, until the half is written again: the
-/// worst that the datasheet allows.
+/// If a half is made available together with its rest, or less than a period of clk_usb after it,
+/// the controller may read the old rest. Here it always does, until the half is written again: the
+/// worst case of the datasheet.
 #[derive(Clone, Debug)]
 pub(crate) struct PacketMemory {
     bytes: [u8; SIZE],
@@ -66,19 +67,19 @@ impl PacketMemory {
         }
     }
 
-    /// How often a half was made available too soon after its rest.
+    /// Number of times that a half was made available too soon after its rest.
     #[cfg(test)]
     pub(crate) const fn races(&self) -> u32 {
         self.races
     }
 
-    /// The word at an offset; nothing outside.
+    /// Word at an offset; `None` outside.
     pub(crate) fn word(&self, offset: usize) -> Option<u32> {
         let bytes = self.bytes.get(offset..offset + 4)?;
         bytes.try_into().ok().map(u32::from_le_bytes)
     }
 
-    /// The processor writes one, two or four bytes.
+    /// Write of one, two or four bytes by the processor.
     pub(crate) fn write(&mut self, offset: usize, value: &[u8], now_ps: u64) -> Option<()> {
         let place = offset..offset + value.len();
         let old = self.bytes.get(place.clone())?.to_vec();
@@ -93,7 +94,7 @@ impl PacketMemory {
         Some(())
     }
 
-    /// Lets the controller see a half of a buffer control word.
+    /// Makes a half of a buffer control word visible to the controller.
     fn show(&mut self, at: usize, old: u16, now_ps: u64) {
         let new = self.half_word(at);
         let Some((index, which)) = place_of_half(at) else {
@@ -126,23 +127,23 @@ impl PacketMemory {
         u16::from_le_bytes([byte(at), byte(at + 1)])
     }
 
-    /// The control word of an endpoint; nothing for endpoint 0, whose settings are in SIE_CTRL.
+    /// Control word of an endpoint; `None` for endpoint 0, whose settings are in SIE_CTRL.
     pub(crate) fn endpoint_control(&self, index: usize) -> Option<u32> {
         self.word(ENDPOINT_CONTROL + 4 * index.checked_sub(2)?)
     }
 
-    /// A half of a buffer control word, as the controller sees it.
+    /// A half of a buffer control word, as the controller reads it.
     pub(crate) fn half(&self, index: usize, which: usize) -> u16 {
         let half = self.halves.get(index).and_then(|it| it.get(which));
         half.map_or(0, |half| half.seen)
     }
 
-    /// When a half was last made available.
+    /// Time at which a half was last made available.
     pub(crate) fn armed_ps(&self, index: usize, which: usize) -> Option<u64> {
         self.halves.get(index)?.get(which)?.armed_ps
     }
 
-    /// The controller writes a half back.
+    /// Write of a half by the controller.
     pub(crate) fn set_half(&mut self, index: usize, which: usize, value: u16) {
         let at = BUFFER_CONTROL + 4 * index + 2 * which;
         self.store(at, &value.to_le_bytes());
@@ -151,25 +152,25 @@ impl PacketMemory {
         }
     }
 
-    /// The bytes of a buffer; nothing outside.
+    /// Bytes of a buffer; `None` outside.
     pub(crate) fn load(&self, at: usize, length: usize) -> Option<Vec<u8>> {
         self.bytes.get(at..at + length).map(<[u8]>::to_vec)
     }
 
-    /// The controller writes bytes; without effect outside.
+    /// Write of bytes by the controller; no effect outside.
     pub(crate) fn store(&mut self, at: usize, value: &[u8]) {
         if let Some(bytes) = self.bytes.get_mut(at..at + value.len()) {
             bytes.copy_from_slice(value);
         }
     }
 
-    /// The controller writes the setup packet.
+    /// Write of the setup packet by the controller.
     pub(crate) fn store_setup(&mut self, packet: &[u8; 8]) {
         self.store(SETUP, packet);
     }
 }
 
-/// The endpoint and the half of a buffer control word that begins at an offset.
+/// Endpoint and half of the buffer control word at an offset.
 const fn place_of_half(at: usize) -> Option<(usize, usize)> {
     if at < BUFFER_CONTROL || at >= BUFFERS {
         return None;
@@ -226,7 +227,7 @@ mod tests {
             write(&mut memory, rest | buffer::AVAILABLE, 1_000_000 + apart_ps);
             assert_eq!(memory.half(1, 0), 8 | buffer::AVAILABLE, "{apart_ps} ps");
             assert_eq!(memory.races(), 1);
-            // What the processor reads is what it wrote.
+            // The processor reads back its own writes.
             assert_eq!(memory.half_word(OUT_0), rest | buffer::AVAILABLE);
         }
     }

@@ -1,7 +1,7 @@
 //! The RP2040's USB controller and the host at the other end of the cable.
 //!
-//! The controller is a device at full speed (RP2040 datasheet 4.1). The host sends what a PC sends,
-//! at its time on the wire; it takes orders through [`UsbHost`].
+//! The controller is a device at full speed (RP2040 datasheet 4.1). The host sends the packets of a
+//! PC, at their times on the wire; [`UsbHost`] takes orders for it.
 
 mod check;
 mod controller;
@@ -42,29 +42,30 @@ impl Usb {
         }
     }
 
-    /// The controller in reset; the host stays, and sees the device go.
+    /// Resets the controller; the host stays, and detects that the device disappears.
     pub(crate) fn reset(&mut self, now_ps: u64) {
         self.controller = UsbController::new();
         self.host.follow(&mut self.controller, now_ps);
     }
 
-    /// Whether the controller shows itself to a host.
+    /// Whether the controller is visible to a host.
     pub(crate) const fn is_attached(&self) -> bool {
         self.controller.is_attached()
     }
 
-    /// How often a buffer was made available too soon after the rest of its control word.
+    /// Number of times that a buffer was made available too soon after the rest of its control
+    /// word.
     #[cfg(test)]
     pub(crate) const fn races(&self) -> u32 {
         self.controller.memory.races()
     }
 
-    /// Latest time within a frame at which a bulk IN packet was made available.
+    /// Latest time within a frame at which a bulk IN packet became available.
     pub(crate) const fn latest_bulk(&self) -> ldc161x_sim::Time {
         self.controller.latest_bulk()
     }
 
-    /// Setup packets that came while a packet of endpoint 0 was available.
+    /// Number of setup packets that arrived while a packet of endpoint 0 was available.
     pub(crate) const fn answered_before(&self) -> u32 {
         self.controller.answered_before()
     }
@@ -74,7 +75,7 @@ impl Usb {
         events.into_iter().flatten().min()
     }
 
-    /// Does what is due at a time; says what cannot be followed.
+    /// Processes events that are due; returns a request that the emulator does not model.
     pub(crate) fn service(&mut self, now_ps: u64) -> Option<&'static str> {
         while let Some(due_ps) = self.next_event().filter(|&due_ps| due_ps <= now_ps) {
             self.controller.service(due_ps);

@@ -1,9 +1,9 @@
-//! Packets at full speed and the times that they take (USB 2.0 chapters 7 and 8). Stuffed bits are
-//! left out: they lengthen a packet by a sixth at most.
+//! Packets at full speed and their durations (USB 2.0 chapters 7 and 8). Bit stuffing is left out:
+//! it lengthens a packet by a sixth at most.
 
 /// Largest packet of a bulk, interrupt or control endpoint, bytes (USB 2.0 5.5.3, 5.7.3, 5.8.3).
 pub(crate) const LARGEST_PACKET: usize = 64;
-/// From one start of frame to the next (USB 2.0 7.1.12).
+/// Length of a frame (USB 2.0 7.1.12).
 pub(crate) const FRAME_PS: u64 = 1_000_000_000;
 
 /// SYNC, PID, address, endpoint, CRC and end of packet (USB 2.0 8.4.1).
@@ -12,17 +12,17 @@ const TOKEN_BITS: u64 = 8 + 8 + 7 + 4 + 5 + 3;
 const HANDSHAKE_BITS: u64 = 8 + 8 + 3;
 /// SYNC, PID, CRC and end of packet around the data (USB 2.0 8.4.4).
 const DATA_BITS: u64 = 8 + 8 + 16 + 3;
-/// Least gap between two packets of the host (USB 2.0 7.1.18.1).
+/// Minimum gap between two packets of the host (USB 2.0 7.1.18.1).
 const GAP_BITS: u64 = 2;
-/// Longest time to an answer of a device with a detachable cable, in half bits (USB 2.0 7.1.18.1,
-/// 6.5 bit times).
+/// Longest response time of a device with a detachable cable, in half bits (USB 2.0 7.1.18.1, 6.5
+/// bit times).
 const TURNAROUND_HALF_BITS: u64 = 13;
-/// After which the host waits no longer for an answer (USB 2.0 7.1.19.1, 16 to 18 bit times).
+/// Response time after which the host stops waiting (USB 2.0 7.1.19.1, 16 to 18 bit times).
 const TIMEOUT_BITS: u64 = 18;
-/// Before a start of frame nothing may be on the wire for so long (USB 2.0 11.2.5, EOF1).
+/// Idle time required before a start of frame (USB 2.0 11.2.5, EOF1).
 const END_OF_FRAME_BITS: u64 = 32;
 
-/// Half a bit at 12 Mbit/s lasts a 24th of a microsecond.
+/// Duration of `half_bits` half bits, ps: half a bit at 12 Mbit/s lasts a 24th of a microsecond.
 const fn half_bits_ps(half_bits: u64) -> u64 {
     half_bits * 1_000_000 / 24
 }
@@ -31,17 +31,17 @@ const fn bits_ps(bits: u64) -> u64 {
     half_bits_ps(2 * bits)
 }
 
-/// What the host sends to begin a transaction.
+/// First part of a transaction, sent by the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Transaction {
-    /// The device's address, 0 to 127.
+    /// Address of the device, 0 to 127.
     pub(crate) address: u8,
-    /// The endpoint's number, 0 to 15.
+    /// Number of the endpoint, 0 to 15.
     pub(crate) endpoint: u8,
     pub(crate) kind: TransactionKind,
 }
 
-/// A transaction by its token (USB 2.0 8.5).
+/// Kind of a transaction, by its token (USB 2.0 8.5).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum TransactionKind {
     Setup([u8; 8]),
@@ -53,14 +53,14 @@ pub(crate) enum TransactionKind {
     In,
 }
 
-/// What the device answers.
+/// Answer of the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Reply {
-    /// Nothing.
+    /// No answer.
     Silence,
     Nak,
     Stall,
-    /// It takes what the host sends.
+    /// It accepts the host's data.
     Ack,
     /// Data for the host, with PID DATA1 or DATA0.
     Data {
@@ -70,7 +70,7 @@ pub(crate) enum Reply {
 }
 
 impl Transaction {
-    /// From the end of the token to the end of the last packet.
+    /// Time from the end of the token to the end of the last packet.
     pub(crate) fn time_ps(&self, reply: &Reply) -> u64 {
         let handshake_ps = half_bits_ps(TURNAROUND_HALF_BITS) + bits_ps(HANDSHAKE_BITS);
         let sent_ps = match &self.kind {
@@ -89,7 +89,7 @@ impl Transaction {
         }
     }
 
-    /// The longest that it can take from the end of the token.
+    /// Longest possible time from the end of the token.
     pub(crate) fn longest_ps(&self) -> u64 {
         let received_ps = match self.kind {
             TransactionKind::In => data_ps(LARGEST_PACKET) + half_bits_ps(TURNAROUND_HALF_BITS),
@@ -99,22 +99,22 @@ impl Transaction {
     }
 }
 
-/// A data packet with the gap before it.
+/// Duration of a data packet with the gap before it.
 const fn data_ps(bytes: usize) -> u64 {
     bits_ps(GAP_BITS + DATA_BITS + 8 * bytes as u64)
 }
 
-/// A token with the gap before it.
+/// Duration of a token with the gap before it.
 pub(crate) const fn token_ps() -> u64 {
     bits_ps(GAP_BITS + TOKEN_BITS)
 }
 
-/// A start of frame, which is as long as a token.
+/// Duration of a start of frame, which is as long as a token.
 pub(crate) const fn start_of_frame_ps() -> u64 {
     bits_ps(TOKEN_BITS)
 }
 
-/// The part at a frame's end in which no transaction may last on.
+/// Time at the end of a frame in which no transaction may still run.
 pub(crate) const fn end_of_frame_ps() -> u64 {
     bits_ps(END_OF_FRAME_BITS)
 }

@@ -1,4 +1,4 @@
-//! The image that is flashed reads the simulated converter: every word, on time, none lost.
+//! The flashed image reads the simulated converter: every word, on time, without a loss.
 
 use crate::common::{RecordedBoard, image, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches};
@@ -7,7 +7,7 @@ use palpate_wire::Record;
 use palpate_wire::code::{Chip, Outcome, ResetCause, Stream};
 use palpate_wire::command::Command;
 
-/// Every word that was fetched over the wire since the stream began was sent, in its order.
+/// Asserts that every word fetched since the start of the stream was sent, in order.
 fn assert_every_word_arrives(bench: &RecordedBoard, fewest: usize) {
     let log = bench.board.wire_log().unwrap();
     let fetched: Vec<u32> = log.fetched.iter().map(|it| it.word).collect();
@@ -51,7 +51,7 @@ fn a_thousand_samples_a_second_arrive_without_a_loss() {
     assert_eq!(bench.board.resets().watchdog, 0);
 }
 
-/// A bench whose sensors drift so fast that no two words in a second are the same.
+/// A bench whose sensors drift so fast that no two words within a second are equal.
 fn drifting() -> RecordedBoard {
     let mut plant = Still::new(crate::common::FREQUENCIES_HZ);
     plant.drift_hz_per_s = 300e3;
@@ -69,7 +69,7 @@ fn sample_times_are_the_middles_of_their_conversions() {
     bench.stream();
     bench.run(Time::from_ms(300));
     let fetched = bench.board.wire_log().unwrap().fetched.clone();
-    // The timer of the board begins when its tick does; the difference is the same for all.
+    // The board's timer starts with its tick; the difference is the same for all samples.
     let errors: Vec<f64> = bench
         .samples()
         .filter_map(|(time_us, sample)| {
@@ -138,7 +138,7 @@ fn four_channels_arrive_in_their_order() {
 #[test]
 fn fast_streams_lose_nothing_whatever_releases_the_interrupt() {
     for (release, rate_hz) in [
-        // 98 % of what the bus can fetch, with 10 us between two frames.
+        // 98 % of the rate that the bus can fetch, with 10 us between two frames.
         (InterruptRelease::StatusOrData, 3_960.0),
         (InterruptRelease::StatusOnly, 2_685.0),
     ] {

@@ -1,4 +1,4 @@
-//! The coil's drive, as the image runs it: on the circuit, through PWM, ADC and DMA.
+//! Coil drive of the image: on the circuit, through PWM, ADC and DMA.
 
 use std::ops::RangeInclusive;
 
@@ -13,7 +13,7 @@ use palpate_wire::{Command, Frame, Message, Record};
 
 /// Exception number of the control interrupt, PWM_IRQ_WRAP.
 const CONTROL: u32 = 16 + 4;
-/// Those of the converter's bus, which may preempt it: IO_IRQ_BANK0 and I2C0_IRQ.
+/// Exception numbers of the converter's bus, which may preempt it: IO_IRQ_BANK0 and I2C0_IRQ.
 const EDGE: u32 = 16 + 13;
 const I2C: u32 = 16 + 23;
 
@@ -32,7 +32,7 @@ fn coil_test(frames: &[Frame<Record>]) -> Option<&CoilTest> {
     })
 }
 
-/// Armed, with the self-test over.
+/// A bench that is armed, after the self-test.
 fn armed() -> RecordedBoard {
     armed_on(streaming())
 }
@@ -58,7 +58,7 @@ fn driving(to_a: f32) -> RecordedBoard {
     bench
 }
 
-/// True mean current over a time, with the PC saying something now and then.
+/// True mean current over a time, while the PC sends commands now and then.
 fn mean_a<P: Plant>(bench: &mut RecordedBoard<P>, time: Time) -> f64 {
     let before = bench.board.totals();
     bench.run(time);
@@ -74,7 +74,7 @@ fn fault(bench: &RecordedBoard) -> Option<FaultCode> {
 fn the_self_test_finds_the_circuit() {
     let bench = armed();
     let found = coil_test(&bench.frames).unwrap();
-    // 0.389 and 0.07 ohm always, 50 milliohm of supply while it drives
+    // 0.389 and 0.07 ohm always; 50 milliohm of supply while it drives.
     assert!((0.44..0.52).contains(&found.resistance_ohm), "{found:?}");
     assert!((found.inductance_h / 40e-6 - 1.0).abs() < 0.05, "{found:?}");
     assert!((found.limited_to_a.unwrap() - 2.0).abs() < 0.5, "{found:?}");
@@ -88,7 +88,7 @@ fn the_current_is_what_was_commanded() {
         bench.command(&drive(to_a, 1e-3));
         bench.run(Time::from_ms(5));
         let mean_a = mean_a(&mut bench, Time::from_ms(20));
-        // 2 % of 10 A; four codes are wide, the rest of this converter is exact.
+        // 2 % of 10 A; four codes are wide, otherwise this converter is exact.
         assert!((mean_a - f64::from(to_a)).abs() < 0.05, "{to_a}: {mean_a}");
     }
     bench.command(&Command::Abort);
@@ -97,7 +97,7 @@ fn the_current_is_what_was_commanded() {
     assert!(bench.faults().is_empty());
 }
 
-/// As the data sheets say, and at the end of what the firmware allows for.
+/// Wake-up times from the data sheets, up to the limit of the firmware.
 #[test]
 fn a_bridge_that_wakes_slowly_is_driven_without_overshoot_and_without_a_fault() {
     for wake_s in [0.8e-3, 1e-3, 2e-3] {
@@ -125,7 +125,7 @@ fn a_bridge_that_wakes_slowly_is_driven_without_overshoot_and_without_a_fault() 
                 (mean_a - f64::from(to_a)).abs() < 0.1,
                 "{wake_s} s: {mean_a} A"
             );
-            // Ripple and what a step goes beyond.
+            // Ripple and the overshoot of a step.
             assert!(peak_a < f64::from(to_a) + 1.0, "{wake_s} s: {peak_a} A");
             bench.command(&Command::Abort);
             bench.run(Time::from_ms(5));
@@ -146,8 +146,8 @@ fn a_single_wild_sample_of_the_converter_ends_nothing() {
     }
 }
 
-/// What is beyond the limits says which field, how much it is, and how much is allowed; a fault of the
-/// current and of the supply says how much it was.
+/// A refusal reports the field, its value and its limit; a fault of the current or of the supply
+/// reports the measured value.
 #[test]
 fn what_is_refused_and_what_fails_says_its_numbers() {
     let mut bench = driving(5.0);
@@ -176,7 +176,7 @@ fn conversions_get_the_mean_of_their_own_window() {
     bench.run(Time::from_ms(10));
     bench.command(&drive(1.0, 0.06));
     bench.frames.clear();
-    // the true current, as it was every 10 us
+    // The true current, every 10 us.
     let mut truth = Vec::new();
     for _ in 0..5_000 {
         bench.board.run_for(Time::from_us(10)).unwrap();
@@ -190,8 +190,8 @@ fn conversions_get_the_mean_of_their_own_window() {
         let part = (time - before.0).as_secs_f64() / (after.0 - before.0).as_secs_f64();
         Some(before.1 + part * (after.1 - before.1))
     };
-    // A record's time is the middle of its conversion, by the device's clock; how long after the
-    // power that began is what fits best.
+    // A record's time is the middle of its conversion, by the device's clock; the start of that
+    // clock after power on is fitted.
     let half = Time::from_us(496);
     let worst_a = |offset_us: u64| {
         let mut worst_a = (0.0_f64, 0);
@@ -215,7 +215,7 @@ fn conversions_get_the_mean_of_their_own_window() {
         .min_by(|one, other| one.0.total_cmp(&other.0))
         .expect("conversions within the ramp");
     println!("{compared} windows, worst {:.1} mA", 1e3 * worst_a);
-    // A coil of 40 uH and half an ohm at 12 V, at 5 A: 0.9 A peak to peak.
+    // A coil of 40 uH and half an ohm at 12 V, at 5 A: 0.9 A of ripple, peak to peak.
     let at_5_a = bench.samples().find_map(|(_, sample)| {
         let near = (sample.current_a? - 5.0).abs() < 0.2;
         near.then_some(sample.ripple_a?)
@@ -234,7 +234,7 @@ fn a_step_takes_what_the_circuit_allows_and_two_periods() {
     assert!(step.overshoot <= 0.02, "{step:?}");
 }
 
-/// A corner of those of the campaign `coil-current`.
+/// One corner of the campaign `coil-current`.
 #[test]
 fn a_weak_supply_and_much_inductance_need_no_retuning() {
     let conditions = PlantConditions {
@@ -265,7 +265,7 @@ fn a_silent_host_ends_it_after_a_tenth_of_a_second() {
         died = (bench.board.current_a() == 0.0).then(|| bench.board.now() - since);
     }
     let took = died.expect("it ends");
-    // The answer to the last word has taken up to 2 ms of it.
+    // Includes up to 2 ms for the answer to the last command.
     assert!(
         took > Time::from_ms(97) && took < Time::from_ms(103),
         "{took}"
@@ -275,7 +275,7 @@ fn a_silent_host_ends_it_after_a_tenth_of_a_second() {
     assert_eq!(bench.command(&drive(1.0, 0.0)).outcome, Outcome::Faulted);
 }
 
-/// A disturbance of the circuit, as often as the plant puts it right again.
+/// Repeats a change of the circuit as often as the plant restores its values.
 fn disturbed(bench: &mut RecordedBoard, time: Time, change: impl Fn(&mut Circuit)) {
     let end = bench.board.now() + time;
     while bench.board.now() < end {
@@ -306,7 +306,7 @@ fn a_dead_short_lets_little_through() {
         matches!(code, FaultCode::OverCurrent | FaultCode::Bridge),
         "{code}"
     );
-    // Cleared, armed and tested again, it drives again.
+    // Cleared, armed and tested again, it drives.
     bench.command(&Command::ClearFault(ClearFault { code }));
     bench.run(Time::from_ms(300));
     let mut bench = armed_on(bench);
@@ -334,7 +334,7 @@ fn an_open_coil_is_found_by_the_test_and_while_it_is_driven() {
     assert_eq!(fault(&bench), Some(FaultCode::CoilOpen));
 }
 
-/// The time until the bridge is off, with the PC saying something now and then, and the greatest
+/// Time until the bridge is off, while the PC sends commands now and then, and the greatest
 /// difference of the true current from its target meanwhile.
 fn off_after(bench: &mut RecordedBoard, target_a: f64, limit: Time) -> (Time, f64) {
     let begin = bench.board.now();
@@ -355,7 +355,7 @@ fn off_after(bench: &mut RecordedBoard, target_a: f64, limit: Time) -> (Time, f6
     (took, off_a)
 }
 
-/// A wire that makes contact now and then: no current flows while nothing is known of the coil.
+/// A loose wire: no current flows while the coil's temperature is unknown.
 #[test]
 fn a_thermometer_that_is_open_now_and_then_switches_off() {
     let snapshot = driving(5.0);
@@ -393,7 +393,7 @@ fn a_thermometer_that_opens_or_shorts_switches_off_within_25_ms() {
             "{took}"
         );
         assert_eq!(fault(&bench), Some(FaultCode::Thermometer));
-        // Cleared while its cause lasts, it comes again; without it, it does not.
+        // Cleared while its cause lasts, the fault returns; without its cause, it does not.
         let clear = Command::ClearFault(ClearFault {
             code: FaultCode::Thermometer,
         });
@@ -441,7 +441,7 @@ fn an_amplifier_that_freezes_at_its_target_is_found() {
     }
 }
 
-/// From then on the results would stand for one another: the thermistor's for the current.
+/// From then on each result would be read as another channel's: the thermistor's as the current.
 #[test]
 fn a_result_that_dma_does_not_get_switches_off_within_two_periods_and_is_got_over() {
     let mut bench = driving(6.0);
@@ -459,7 +459,7 @@ fn a_result_that_dma_does_not_get_switches_off_within_two_periods_and_is_got_ove
         code: FaultCode::CurrentSense,
     });
     assert_eq!(bench.command(&clear).outcome, Outcome::Accepted);
-    // Tested anew, and the current is what was commanded.
+    // After another test, the current equals the command.
     let before = bench.frames.len();
     assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
     bench.run(Time::from_ms(150));
@@ -502,7 +502,7 @@ fn the_control_interrupt_keeps_its_time() {
         bench.board.run_until(Time::from_us(50), is_in).unwrap();
         let begin = bench.board.now();
         begun.push(begin);
-        // What preempts it counts: the levels have to be there before the period ends.
+        // Preemption counts: the levels must be written before the period ends.
         bench
             .board
             .run_until(Time::from_us(50), |board| {
@@ -512,7 +512,7 @@ fn the_control_interrupt_keeps_its_time() {
         let took = bench.board.now() - begin;
         (longest, total) = (longest.max(took), total + took);
     }
-    // Starts on a grid of 16 us; the earliest is not delayed.
+    // Starts relative to a grid of 16 us; the earliest one is not delayed.
     let first = begun[0].as_ps();
     let late = |at: &Time| (at.as_ps() - first + 8_000_000) % 16_000_000;
     let phases: Vec<u64> = begun.iter().map(late).collect();
@@ -525,11 +525,11 @@ fn the_control_interrupt_keeps_its_time() {
         "control interrupt: mean {mean_us:.2} us, longest {longest_us:.2} us, jitter {jitter_us:.2} us"
     );
     assert!((periods - 1_999.0).abs() < 0.5, "{periods}: one was missed");
-    // Nothing is lost while it is over before it is called again.
+    // No period is lost as long as it ends before the next call.
     assert!(jitter_us + longest_us < 14.0, "{jitter_us} {longest_us}");
 }
 
-/// A level that misses the wrap it was meant for comes a period late. Two seconds of the campaign
+/// A level that misses its wrap takes effect a period late. Two seconds of the campaign
 /// `coil-current`, 120 000 periods.
 #[test]
 fn nothing_is_missed_under_full_telemetry() {
@@ -545,7 +545,7 @@ fn nothing_is_missed_under_full_telemetry() {
     }
 }
 
-/// Answers that have come, each with its command's kind, from a frame on.
+/// Answers since a frame, each with its command's kind.
 fn answers(bench: &RecordedBoard, from: usize) -> Vec<(u8, Outcome)> {
     let of = |frame: &Frame<Record>| match &frame.message {
         Record::Acknowledgement(answer) => Some((answer.kind, answer.outcome)),
@@ -559,7 +559,7 @@ fn tests_reported(bench: &RecordedBoard, from: usize) -> usize {
     bench.frames[from..].iter().filter(is_test).count()
 }
 
-/// Armed, within the test that arming begins.
+/// A bench within the test that arming starts.
 fn testing() -> RecordedBoard {
     let mut bench = streaming();
     for command in [Command::SetCoil(coil()), Command::Arm] {
@@ -610,13 +610,13 @@ fn an_abort_during_the_test_stops_it_and_drops_what_waits() {
         assert_eq!(tests_reported(&bench, from), 0);
         assert!(bench.faults().is_empty(), "{:?}", bench.faults());
     }
-    // Armed still, it is tested before it is driven again.
+    // It is still armed, and tested before it is driven again.
     let mut bench = testing();
     bench.command(&Command::Abort);
     let from = bench.frames.len();
     assert_eq!(bench.command(&drive(2.0, 0.0)).outcome, Outcome::Accepted);
     assert_eq!(tests_reported(&bench, from), 1);
-    // The bridge wakes.
+    // The bridge wakes up.
     bench.run(Time::from_ms(3));
     let flows_a = mean_a(&mut bench, Time::from_ms(20));
     assert!((flows_a - 2.0).abs() < 0.2, "{flows_a}");
@@ -637,10 +637,10 @@ fn a_test_is_reported_once_however_much_is_driven_after_it() {
     assert_eq!(tests_reported(&bench, 0), 2);
 }
 
-/// What happens to the circuit.
+/// A change of the circuit.
 type CircuitChange = fn(&mut Circuit);
 
-/// A supply that breaks down at once, and one that gives way under load only.
+/// A supply that fails at once, and one that drops only under load.
 #[test]
 fn a_supply_that_collapses_is_reported_as_that() {
     let snapshot = driving(5.0);
@@ -663,8 +663,8 @@ fn a_supply_that_collapses_is_reported_as_that() {
     }
 }
 
-/// 34 J each, with 56 J to take and 3.5 W to give off.
-/// In short, without the image: `energy` of `palpate-procedure`.
+/// 34 J each, with 56 J of capacity and a cooling of 3.5 W. The test `energy` of
+/// `palpate-procedure` covers the same without the image.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
@@ -706,8 +706,8 @@ fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
     assert!(bench.faults().is_empty());
 }
 
-/// A plant as the demonstration draws it, with its own supply, coil and errors of the measurement:
-/// a train, driven whole.
+/// A complete train on a plant as drawn by the demonstration, with its own supply, coil and
+/// measurement errors.
 #[test]
 fn a_drawn_sensor_drives_its_train() {
     drawn_sensors_drive_their_trains(1..=1);

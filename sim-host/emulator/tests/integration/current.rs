@@ -1,5 +1,5 @@
-//! What the image reports of the coil's current period by period, and what a calibration of its
-//! measurement does.
+//! Reports of the coil's current for each period, and the effect of a calibration of its
+//! measurement.
 
 use crate::common::driven::{ChargeCurve, wired_with};
 use crate::common::{RecordedBoard, origin_us};
@@ -23,7 +23,7 @@ fn drive(to_a: f32, over_s: f32, trace_interval_s: f32) -> Command {
     })
 }
 
-/// A board whose current amplifier errs so much.
+/// A board whose current amplifier has this gain error.
 fn bench(gain_error: f64) -> RecordedBoard {
     let usual = crate::common::recording();
     let options = Options {
@@ -54,7 +54,7 @@ fn traces(frames: &[Frame<Record>]) -> Vec<(u64, CurrentTrace)> {
     frames.iter().filter_map(of).collect()
 }
 
-/// Slope of the least-squares line through values at equal distances.
+/// Slope per value of the least-squares line through equidistant values.
 fn slope_per_value(values: &[f32]) -> f64 {
     let middle = (values.len() - 1) as f64 / 2.0;
     let (product, square) = values
@@ -77,7 +77,7 @@ fn a_step_is_reported_period_by_period() {
     bench.command(&drive(1.0, 0.0, 0.0));
     bench.run(Time::from_ms(5));
     bench.send(&drive(6.0, 0.0, 16e-6));
-    // The true mean of every period meanwhile, with the time of its end.
+    // True mean of every period meanwhile, with the time of its end.
     let mut truth = Vec::new();
     let mut before = bench.board.circuit().totals();
     for _ in 0..250 {
@@ -104,7 +104,7 @@ fn a_step_is_reported_period_by_period() {
         .iter()
         .position(|current_a| *current_a > 3.5)
         .unwrap();
-    // The device sends the answer to the command when it has ordered the current.
+    // The device sends the answer to the command after it has ordered the current.
     let answered = bench.frames.iter().rev().find_map(|frame| {
         let is_answer = matches!(frame.message, Record::Acknowledgement(_));
         is_answer.then_some(frame.header.time_us)
@@ -132,10 +132,10 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     let mut bench = bench(0.0);
     arm(&mut bench);
     bench.command(&drive(4.0, 0.0, 0.0));
-    // The bridge wakes first.
+    // The bridge wakes up first.
     bench.run(Time::from_ms(5));
     bench.command(&drive(1.0, 0.06, 0.5e-3));
-    // 63.5 ms, and then a part of it with each pulse of a millisecond.
+    // 63.5 ms, and then a part of the trace with each pulse of a millisecond.
     bench.run(Time::from_ms(80));
     bench.command(&Command::Identify);
     let parts = traces(&bench.frames);
@@ -146,10 +146,10 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     assert_eq!(currents.len(), 128);
     // 0.5 ms are 31 periods.
     assert!(parts.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
-    // By all values of the ramp: two of them, each with noise, say it to no better than 1 A/s.
+    // Fitted to all values of the ramp: two noisy values would give it only to 1 A/s.
     let slope = slope_per_value(&currents[10..110]) / (31.0 * 16e-6);
     assert!((slope + 50.0).abs() < 0.5, "{slope} A/s");
-    // After an abort the device reports the trace as far as it got.
+    // After an abort the device reports the trace recorded so far.
     let before = bench.frames.len();
     bench.command(&drive(2.0, 0.0, 0.01));
     bench.run(Time::from_ms(50));
@@ -169,7 +169,7 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
 fn a_calibration_takes_the_error_of_the_gain_away() {
     let mut bench = bench(0.05);
     let before = gain(&mut bench);
-    // What is read 5 % too high is 1/1.05 of it.
+    // A current that reads 5 % too high is 1/1.05 of its reading.
     let change = |measured_a: f32| measured_a / 1.05 - measured_a;
     let correction = CurrentCorrection {
         greatest_a: 12.0,
@@ -178,14 +178,14 @@ fn a_calibration_takes_the_error_of_the_gain_away() {
     let set = Command::SetCurrentCorrection(correction);
     assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
     let after = gain(&mut bench);
-    // What is left is the bow of the converter, eight codes or 51 mA (RP2040 datasheet, erratum E11): it
-    // was there before.
+    // The remaining error is the converter's non-linearity, eight codes or 51 mA (RP2040 datasheet,
+    // erratum E11), which existed before.
     assert!((after / before - 1.05).abs() < 0.003, "{before} {after}");
     assert!((after - 1.0).abs() < 0.051 / 6.0, "{after}");
 }
 
-/// True current over setpoint, the mean over some around 6 A: at a single one it may be half of a
-/// wide code of the converter off, 26 mA.
+/// Mean of true current over setpoint, at several setpoints around 6 A: at a single one it may be
+/// off by half of a wide code of the converter, 26 mA.
 fn gain(bench: &mut RecordedBoard) -> f64 {
     arm(bench);
     let setpoints = (0..9).map(|step| 5.8 + 0.05 * f64::from(step));
@@ -194,10 +194,10 @@ fn gain(bench: &mut RecordedBoard) -> f64 {
     ratios.iter().sum::<f64>() / ratios.len() as f64
 }
 
-/// The true current some time after the setpoint is this, A.
+/// True current some time after a change of the setpoint, A.
 fn true_a(bench: &mut RecordedBoard, to_a: f64) -> f64 {
     bench.command(&drive(to_a as f32, 0.0, 0.0));
-    // A hundred times the control loop's own time.
+    // A hundred times the control loop's time constant.
     bench.run(Time::from_ms(10));
     let before = bench.board.circuit().totals();
     bench.run(Time::from_ms(10));
@@ -205,7 +205,7 @@ fn true_a(bench: &mut RecordedBoard, to_a: f64) -> f64 {
     (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
 }
 
-/// Sensors that rest, and a coil whose inductance is another at will.
+/// Constant sensors, and a coil with a changeable inductance.
 #[derive(Clone)]
 struct VaryingCoil {
     still: Still,
@@ -231,7 +231,7 @@ impl Plant for VaryingCoil {
     }
 }
 
-/// What a failed switch does: the current goes on. Here a coil of a henry keeps it up.
+/// The effect of a failed switch: the current continues. Here a coil of a henry sustains it.
 #[test]
 fn a_current_that_flows_with_the_bridge_off_is_reported() {
     let plant = VaryingCoil {
@@ -252,7 +252,7 @@ fn a_current_that_flows_with_the_bridge_off_is_reported() {
     bench.command(&drive(4.0, 0.0, 0.0));
     bench.run(Time::from_ms(5));
     bench.board.plant_mut().inductance_h = 1.0;
-    // Two readings of it, and too short for the drive to miss a current that does not follow.
+    // Two readings, and too short for the drive to detect a current that does not follow.
     bench.run(Time::from_us(300));
     bench.command(&Command::Abort);
     assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);
@@ -263,7 +263,7 @@ fn a_current_that_flows_with_the_bridge_off_is_reported() {
     assert_eq!(reported, Some(FaultCode::CurrentUnwanted));
 }
 
-/// Sensors at rest, and the current that they receive, summed over the time for which it holds.
+/// Constant sensors, and the integral of the current that they receive.
 #[derive(Clone)]
 struct Reported {
     still: Still,
@@ -323,17 +323,17 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
         let now = bench.board.now();
         let circuit = *bench.board.circuit();
         let plant = bench.board.plant_mut();
-        // The time since the plant last received the current, two periods of the bridge at most.
+        // Time since the last report to the plant, two periods of the bridge at most.
         let rest_s = (now - plant.now).as_secs_f64();
         assert!(rest_s < 40e-6, "{rest_s}");
         let (mean_a, _) = plant.current_a;
         let totals = circuit.totals();
         let charge_a_s = totals.charge_a_s - mean_a * rest_s;
-        // A period late would be 6e-5 A s and more.
+        // A delay of a period would be 6e-5 A s or more.
         let missed_a_s = charge_a_s - plant.charge_a_s;
         assert!(missed_a_s.abs() < 2e-5, "{missed_a_s:e}");
         let square_a2_s = totals.square_a2_s - mean_a * mean_a * rest_s;
-        // Without the ripple 1e-3 A^2 s would be missing.
+        // Without the ripple, 1e-3 A^2 s would be missing.
         let missed_a2_s = square_a2_s - plant.square_a2_s;
         assert!(missed_a2_s.abs() < 3e-4, "{missed_a2_s:e}");
     }
@@ -341,19 +341,20 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
 
 // ---- whole trains ----
 
-/// From one look at the true current to the next: a quarter of a period. What the ripple adds between two of
-/// them is a tenth of a milliampere in the mean of a conversion.
+/// Interval between two samples of the true current: a quarter of a period. The ripple between two
+/// of them contributes a tenth of a milliampere to the mean of a conversion.
 const LOOK: Time = Time::from_us(4);
-/// What the reported current of a conversion may be off, A: half a code of noise in a mean, and what the
-/// profile's corners add within a block of periods. A start of the ADC that is 0.36 us late makes 45 mA.
+/// Allowed error of the reported current of a conversion, A: half a code of noise in a mean, and
+/// the effect of the profile's corners within a block of periods. An ADC start that is 0.36 us late
+/// causes 45 mA.
 const LIMIT_A: f64 = 8e-3;
-/// A train of this many ramps, of 100 ms each, and how long it is followed.
+/// Number of ramps in the train, of 100 ms each; below, the observed duration.
 const RAMPS: u8 = 3;
 const TRAIN: Time = Time::from_ms(330);
 
-/// What is reported of the current over every conversion of a train, less the true mean over the same time by
-/// the image's own stamps, A. The converter of the current has no error but half a code of noise,
-/// by which a mean is finer than a code.
+/// Reported current of every conversion of a train, less the true mean over the same time by the
+/// image's own stamps, A. The current converter has no error except half a code of noise, which
+/// makes a mean finer than a code.
 fn train_errors(image: &Image) -> Vec<f64> {
     let measurement = BridgeCircuit {
         converter: ConverterParameters {
@@ -408,7 +409,7 @@ fn errors<P: Plant>(bench: &RecordedBoard<P>, charge: &ChargeCurve) -> Vec<f64> 
         .collect()
 }
 
-/// Conversions of a train, at least.
+/// Least number of conversions in a train.
 const CONVERSIONS: usize = 300;
 
 fn assert_true_over_a_train(image: &Image, which: &str) {
@@ -429,7 +430,7 @@ fn the_reported_current_is_true_over_whole_rises_and_falls() {
     assert_true_over_a_train(crate::common::image(), "as shipped");
 }
 
-/// Where a line of the flash's cache ends within the code makes no difference.
+/// The position of flash cache lines within the code makes no difference.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn the_reported_current_is_true_wherever_the_code_lies() {

@@ -1,4 +1,4 @@
-//! Every fault code of the protocol, raised on the image by what causes it.
+//! Every fault code of the protocol, raised on the image by its cause.
 //!
 //! A code without a cause here does not compile: [`cause`] matches all of them.
 
@@ -15,10 +15,10 @@ use palpate_wire::command::ClearFault;
 use palpate_wire::record;
 use palpate_wire::{Command, configuration_crc};
 
-/// The timer's interrupt, in which the coil's task runs.
+/// Exception number of the timer's interrupt, in which the coil's task runs.
 const TASKS: u32 = 16;
 
-/// The faults that a cause of this code raises; nothing for a number that is no code.
+/// Faults that the cause of this code raises.
 fn cause(code: FaultCode) -> Vec<record::Fault> {
     use FaultCode::*;
     match code {
@@ -69,7 +69,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
             talk(bench, Time::from_ms(300));
         }),
         NoHardwareLimit => without_limit(),
-        // A coil that is hotter than any: its resistance is what the supply cannot overcome.
+        // A coil far too hot: the supply cannot drive the current through its resistance.
         CurrentOffTarget => driven_at(5.0, 8.0, |bench| {
             conditions(bench).coil_ohm *= 1.35;
             bench.command(&drive(8.4, 0.0));
@@ -81,7 +81,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
     }
 }
 
-/// Raises a part of the codes, so that the parts run beside each other.
+/// Raises a part of the codes, so that the parts run in parallel.
 fn raise(part: usize) {
     let parts = FaultCode::ALL.iter().enumerate();
     let mut missing = Vec::new();
@@ -139,8 +139,8 @@ fn in_stream(fault: ChipFault) -> Vec<record::Fault> {
     bench.faults()
 }
 
-/// Of one channel the converter's watchdog says that nothing oscillates (SNOA959 3.3); of several it does not
-/// watch.
+/// With a single channel, the converter's watchdog reports that the sensor does not oscillate
+/// (SNOA959 3.3); with several channels it is inactive.
 fn without_clock() -> Vec<record::Fault> {
     let mut bench = crate::common::streaming();
     let settings = palpate_wire::command::Settings {
@@ -172,7 +172,7 @@ fn a_wire_that_is_freed_again_and_again() -> Vec<record::Fault> {
 }
 
 thread_local! {
-    /// A stream under way with a sound coil, and the same armed.
+    /// A running stream with a healthy coil, and one that is also armed.
     static USUAL: RecordedBoard<Wired> = wired(PlantConditions::default(), BridgeCircuit::default(), 1);
     static ARMED: RecordedBoard<Wired> = {
         let mut bench = usual();
@@ -206,7 +206,7 @@ fn amplifier_reads(bench: &mut RecordedBoard<Wired>, current_a: f64) {
     bench.board.drive_mut().amplifier_v = Some(1.65 + 0.125 * current_a);
 }
 
-/// Lets time pass while the PC says something now and then, until there is a fault.
+/// Runs while the PC sends commands now and then, until there is a fault.
 fn talk(bench: &mut RecordedBoard<Wired>, time: Time) {
     let end = bench.board.now() + time;
     while bench.board.now() < end && bench.faults().is_empty() {
@@ -267,7 +267,7 @@ fn without_limit() -> Vec<record::Fault> {
     bench.faults()
 }
 
-/// The current goes on with the bridge off: a coil of a henry keeps it up.
+/// The current continues with the bridge off: a coil of a henry sustains it.
 fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
     let mut bench = armed();
     bench.go(4.0, 0.0, Time::from_ms(5));
@@ -280,7 +280,7 @@ fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
 
 // ---- flash ----
 
-/// One bit in sixteen of a page of what is stored: more than any code corrects.
+/// One bit in sixteen of a stored page: more than the code corrects.
 fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     bench.save(&configuration(1, Amount::Usual));
@@ -290,7 +290,7 @@ fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
     }
     let found = bench.cycle_power();
     assert!(found.is_default(), "{found:?}");
-    // Stored anew, it is sound again.
+    // After another save, the storage is valid again.
     let again = configuration(2, Amount::Usual);
     bench.accepted(&Command::ClearFault(ClearFault {
         code: FaultCode::StorageDamaged,
@@ -301,7 +301,7 @@ fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
     found.faults
 }
 
-/// Every sector of the area takes nothing: what was stored before still is.
+/// All sectors of the area are worn out: the previous data stay valid.
 fn stored_in_worn_flash() -> Vec<record::Fault> {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let old = configuration(1, Amount::Usual);
@@ -354,7 +354,7 @@ fn panicked() -> Vec<record::Fault> {
     bench.faults()
 }
 
-/// The tasks do not run for a while: an endless loop in the interrupt that calls them.
+/// Stops the tasks for a while: an endless loop in the interrupt that runs them.
 fn hold_tasks(bench: &mut RecordedBoard<Wired>, time: Time) {
     bench
         .board
@@ -376,7 +376,7 @@ fn hold_tasks(bench: &mut RecordedBoard<Wired>, time: Time) {
 #[test]
 fn without_a_crystal_time_goes_by_the_ring_and_the_clock_is_a_fault() {
     let codes: Vec<FaultCode> = without_crystal().iter().map(|fault| fault.code).collect();
-    // The bus is too slow then, which may be reported as well.
+    // The bus is then too slow, which may also be reported.
     assert_eq!(codes.first(), Some(&FaultCode::Clock));
 }
 
@@ -390,13 +390,13 @@ fn without_crystal() -> Vec<record::Fault> {
     let begin_us = bench.board.timer_us();
     bench.run(Time::from_ms(500));
     assert_eq!(bench.board.resets().watchdog, 0);
-    // By a ring oscillator of typical speed; another is as far off as it is.
+    // With a ring oscillator of typical speed; another one is off by its own error.
     let passed_us = bench.board.timer_us() - begin_us;
     assert!(passed_us.abs_diff(500_000) < 5_000, "{passed_us} us");
     bench.faults()
 }
 
-/// Where a value is in memory.
+/// Addresses of a value in memory.
 fn addresses_of<P: Plant>(board: &EmulatedBoard<P>, value: f32) -> Vec<u32> {
     let memory = (0x2000_0000..0x2004_2000_u32).step_by(4);
     memory
@@ -404,7 +404,7 @@ fn addresses_of<P: Plant>(board: &EmulatedBoard<P>, value: f32) -> Vec<u32> {
         .collect()
 }
 
-/// One bit of the coil's data changes.
+/// Flips one bit of the coil's data.
 fn upset() -> Vec<record::Fault> {
     const OHM: f32 = 0.512_345;
     let mut bench = usual();
@@ -424,7 +424,7 @@ fn upset() -> Vec<record::Fault> {
     talk(&mut bench, Time::from_ms(1_200));
     let took = bench.board.now() - begin;
     assert!(took <= Time::from_ms(1_150), "{took}");
-    // Set anew, it works again.
+    // Set again, it works.
     let clear = Command::ClearFault(ClearFault {
         code: FaultCode::ConfigurationDamaged,
     });

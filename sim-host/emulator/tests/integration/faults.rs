@@ -1,6 +1,6 @@
 //! Faults of bus and converter, each from a snapshot of a running stream, and the safe state.
 //!
-//! Small form; the sweeps over every bit and byte are the campaign `image-faults`.
+//! Short form; the campaign `image-faults` sweeps over every bit and byte.
 
 use crate::common::{
     Crash, DATA, EXCEPTIONS, RecordedBoard, image, ramping, streaming, time_to_off,
@@ -11,11 +11,11 @@ use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Outcome, ResetCause, State};
 use palpate_wire::command::Command;
 
-/// After a fault's end the stream has to be back so soon.
+/// Longest time from the end of a fault to the next sample.
 const RECOVERY: Time = Time::from_ms(50);
 
-/// The stream is back, its first sample says that something went before it, and no reset was
-/// needed.
+/// Asserts that the stream is back, that its first sample is marked as after a gap, and that there
+/// was no reset.
 fn assert_recovers(bench: &mut RecordedBoard, what: &str) {
     bench.frames.clear();
     bench.run(RECOVERY);
@@ -160,7 +160,7 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
         let before = bench.faults().len();
         bench.board.chip_mut().schedule(fault).unwrap();
         bench.run(Time::from_ms(60));
-        // By its own name, with its level.
+        // Reported by its own code, with its level.
         let faults = bench.faults();
         let raised = faults.get(before).expect("a fault");
         assert_eq!(raised.code, FaultCode::InterruptStuck, "low: {low}");
@@ -169,7 +169,7 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
     }
 }
 
-/// Flagged samples of 40 ms are data; of 100 ms they are a fault, which ends with its cause.
+/// Flagged samples for 40 ms are data; for 100 ms they are a fault, which ends with its cause.
 #[test]
 fn a_sensing_coil_that_opens_is_reported_and_its_return_too() {
     let mut bench = streaming();
@@ -188,7 +188,7 @@ fn a_sensing_coil_that_opens_is_reported_and_its_return_too() {
     let raised = faults.last().expect("a fault");
     assert_eq!(raised.code, FaultCode::SensorNotOscillating);
     assert_eq!((raised.active, raised.value), (true, Some(0.0)));
-    // However many flagged samples follow, it stands.
+    // The fault stays for any number of flagged samples.
     bench.run(Time::from_ms(100));
     assert_eq!(bench.faults().len(), faults.len(), "{:?}", bench.faults());
     set_hz(&mut bench, crate::common::FREQUENCIES_HZ[0]);
@@ -213,7 +213,7 @@ fn the_current_follows_its_course_and_ends() {
         highest = highest.max(bench.board.current_a());
         assert!(bench.frames.len() < 2_000, "the train does not end");
     }
-    // Half of the ripple lies above the mean.
+    // Half of the ripple is above the mean.
     assert!((9.8..=10.8).contains(&highest), "{highest}");
     assert_eq!(bench.board.current_a(), 0.0);
     let reported_a = bench.samples().filter_map(|(_, sample)| sample.current_a);
@@ -291,7 +291,7 @@ fn the_image_fits_its_budget() {
     assert_eq!(firmware::TARGET, "thumbv6m-none-eabi");
 }
 
-/// Chance of 64 bits (xorshift).
+/// A 64-bit random generator (xorshift).
 fn random(state: &mut u64) -> u32 {
     *state ^= *state << 13;
     *state ^= *state >> 7;
@@ -299,8 +299,8 @@ fn random(state: &mut u64) -> u32 {
     (*state >> 32) as u32
 }
 
-/// Words at random over the record of a crash, between the reset and the start that reads it: in a
-/// run of the older firmware such a start said `software`, and latched nothing.
+/// Random words over the record of a crash, between the reset and the start that reads it. Such a
+/// start must latch a fault, not report the cause `software`.
 #[test]
 fn a_crash_whose_record_cannot_be_read_is_a_fault() {
     let record = image().symbol("CRASH_RECORD").unwrap();
@@ -344,19 +344,20 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
         let faults: Vec<_> = bench.faults().iter().map(|fault| fault.code).collect();
         assert_eq!(faults, [code], "{words} words");
         assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
-        // Cleared, it works as ever, and the next crash is the second.
+        // Cleared, it works as before.
         bench.stream();
     }
 }
 
-/// A reset that the firmware never requested: memory was written over, and the processor with it.
+/// A reset that the firmware did not request: overwritten memory made the processor write the
+/// watchdog's trigger.
 #[test]
 fn a_reset_without_a_record_is_a_fault() {
     let mut bench = ramping(image());
     crate::common::reset_without_a_record(&mut bench);
     let took = time_to_off(&mut bench);
-    // The reset takes the outputs with it; the emulator's step counts the boot, 4 ms by the ring oscillator as the
-    // firmware leaves it, too.
+    // The reset also switches the outputs off; the emulator's step includes the boot, 4 ms with the
+    // ring oscillator at the firmware's setting.
     assert!(took.unwrap() <= Time::from_ms(5), "{took:?}");
     assert_eq!(bench.board.resets().watchdog, 1);
     let faults = bench.faults();
@@ -371,7 +372,7 @@ fn a_reset_without_a_record_is_a_fault() {
 #[test]
 fn a_core_voltage_that_falls_restarts_the_chip() {
     let mut bench = streaming();
-    // 200 MHz need 1.15 V, of which the regulator may lack 3 %.
+    // 200 MHz need 1.15 V; the regulator may be 3 % lower.
     bench.board.dip_core_voltage(1.12);
     bench.run(Time::from_ms(10));
     assert_eq!(bench.board.resets(), ResetCount::default());
@@ -381,20 +382,21 @@ fn a_core_voltage_that_falls_restarts_the_chip() {
     bench.stream();
 }
 
-/// `probe-rs run` tells the log's channel to wait for room; then the probe is pulled.
+/// `probe-rs run` sets the log's channel to wait for space; then the probe is unplugged.
 #[test]
 fn a_channel_that_a_pc_has_set_to_wait_holds_nothing_up() {
     const WAIT_FOR_ROOM: u32 = 2;
     let snapshot = streaming();
     for channel in [0, DATA] {
         let mut bench = snapshot.clone();
-        // What a channel's descriptor has after its name and its buffer (SEGGER RTT): size, two places, flags.
+        // Fields of a channel's descriptor after its name and its buffer (SEGGER RTT): size, two
+        // positions, flags.
         let block = bench.board.image().symbol("_SEGGER_RTT").unwrap();
         let [size, written, read, flags] = [8, 12, 16, 20].map(|at| block + 24 + 24 * channel + at);
         let full = (bench.board.peek(written) + 1) % bench.board.peek(size);
         bench.board.poke(read, full);
         bench.board.poke(flags, WAIT_FOR_ROOM);
-        // A frame that fails is logged.
+        // A failed frame is logged.
         bench.board.disturb(LineFault::SdaLow {
             bit: 12,
             lasting: Some(Time::from_ms(2)),

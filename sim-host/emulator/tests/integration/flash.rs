@@ -1,5 +1,5 @@
-//! The image with its flash: written beneath it, read again through its own second stage, replaced
-//! by an update.
+//! The image with its flash: rewritten while it runs, read again through its own second stage,
+//! replaced by an update.
 
 use ldc161x_sim::Settings;
 use palpate_emulator::{EmulatedBoard, FlashOperationKind, Options, Still, Time};
@@ -10,12 +10,12 @@ use super::common::{DATA as DATA_CHANNEL, FREQUENCIES_HZ, RecordedBoard, image};
 
 type Board = EmulatedBoard<Still>;
 
-/// Where code, a copy of the second stage and data are put in RAM, over whatever the image has
-/// there: it does not go on.
+/// RAM address of code, a copy of the second stage and data. They overwrite the image's memory: the
+/// image does not continue.
 const CODE: u32 = 0x2004_0000;
 const SECOND_STAGE: u32 = 0x2004_0400;
 const DATA: u32 = 0x2004_0600;
-/// A sector that the image does not reach.
+/// A sector outside of the image.
 const SECTOR: u32 = 0x1F_0000;
 const FLASH: u32 = 0x1000_0000;
 
@@ -29,7 +29,7 @@ fn board() -> Board {
 /// A call of a function with its arguments.
 type Call = (u32, [u32; 4]);
 
-/// The address of a function of the boot ROM, from its table.
+/// Address of a boot ROM function, from its table.
 fn rom(board: &Board, code: &[u8; 2]) -> u32 {
     let half_word = |address: u32| board.peek(address & !3) >> (8 * (address & 2)) & 0xFFFF;
     let code = u32::from(u16::from_le_bytes(*code));
@@ -37,8 +37,8 @@ fn rom(board: &Board, code: &[u8; 2]) -> u32 {
     half_word(entries.find(|&entry| half_word(entry) == code).unwrap() + 2)
 }
 
-/// Lets the processor call functions one after the other, without interrupts and watchdog, and loop
-/// then; returns where it does.
+/// Makes the processor call functions one after the other, without interrupts and watchdog, and
+/// then loop; returns the address of the loop.
 fn begin_calls(board: &mut Board, calls: &[Call]) -> u32 {
     // cpsid i; ldr r7, =calls; ldr r0, =WATCHDOG; movs r1, #0; str r1, [r0]
     let mut words: Vec<u16> = vec![0xB672, 0x4F1F, 0x481F, 0x2100, 0x6001];
@@ -73,7 +73,7 @@ fn write(board: &mut Board, address: u32, mut bytes: Vec<u8>) {
     }
 }
 
-/// The calls that erase a sector and program its first page from `DATA`, up to the cache's flush.
+/// Calls that erase a sector and program its first page from `DATA`, up to the cache flush.
 fn rewriting(board: &Board) -> Vec<Call> {
     vec![
         (rom(board, b"IF"), [0; 4]),
@@ -84,9 +84,9 @@ fn rewriting(board: &Board) -> Vec<Call> {
     ]
 }
 
-/// What the image says of its start.
+/// Reset cause that the image reports at its start.
 fn reset_cause(mut board: Board) -> Option<ResetCause> {
-    // What the last run left in the channel, if memory was kept.
+    // Drops the last run's data in the channel, if memory was kept.
     board.read_channel(DATA_CHANNEL);
     let mut board = RecordedBoard::of(board);
     board.wait_for(Time::from_ms(1_000), |record| match record {
@@ -122,7 +122,7 @@ fn code_that_was_just_programmed_runs_after_the_images_own_second_stage() {
             FlashOperationKind::ProgramPage
         ]
     );
-    // Without the second stage there is nothing to be read.
+    // Without the second stage the flash cannot be read.
     let mut calls = rewriting(&board);
     calls.push(result);
     let end = begin_calls(&mut board, &calls);

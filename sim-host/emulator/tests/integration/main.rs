@@ -1,4 +1,4 @@
-//! Tests of `palpate-emulator` from outside: one program, whose modules are its parts.
+//! External tests of `palpate-emulator`: one program, with one module per area.
 
 mod acquisition;
 mod coil;

@@ -1,5 +1,5 @@
 //! Images with a planted defect: a panic that the firmware survives, and defects that the other
-//! tests have to see.
+//! tests must detect.
 
 use crate::common::{Crash, EXCEPTIONS, RecordedBoard, ramping};
 use ldc161x_sim::Time;
@@ -29,7 +29,7 @@ fn an_image_without_its_safe_state_is_caught() {
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn an_image_whose_watchdog_is_fed_by_whom_it_should_not_is_caught() {
     let snapshot = ramping(&planted("fed_by_idle"));
-    // The coil's task goes no further, while the supervisor does.
+    // The coil's task stops, while the supervisor continues.
     let mut bench = snapshot.clone();
     let stalled = bench.board.image().symbol("PLANTED_STALL").unwrap();
     bench.board.poke(stalled, 1);
@@ -51,7 +51,7 @@ fn an_image_that_drops_a_write_or_swaps_the_words_is_caught() {
     }
 }
 
-/// By the datasheet of the ADC: a board would measure nothing.
+/// By the ADC's datasheet, a board with this image measures nothing.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
@@ -63,7 +63,7 @@ fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
     bench.command(&Command::Arm);
     bench.run(Time::from_ms(100));
     let codes: Vec<FaultCode> = bench.faults().iter().map(|fault| fault.code).collect();
-    // Zeros are a current that is not there and a supply that is too low: whichever is seen first.
+    // Zeros read as a missing current and a low supply: whichever is detected first.
     let is_expected =
         |code: &FaultCode| matches!(code, FaultCode::CurrentSense | FaultCode::SupplyLow);
     assert!(codes.iter().any(is_expected), "{codes:?}");
@@ -84,7 +84,7 @@ fn a_panic_in_any_task_switches_the_bridge_off_within_a_millisecond() {
         });
         let crash = crash.expect("the panic is reported");
         assert_eq!(crash.cause, ResetCause::Panic);
-        // Where the list of defects has its panic planted.
+        // Location of the planted panic in the list of defects.
         assert!(crash.file.ends_with("src/main.rs"), "{}", crash.file);
     }
 }

@@ -1,4 +1,4 @@
-//! Counting where the cycles go: all of them are found again, and counting changes nothing.
+//! Cycle profile: it accounts for all cycles, and does not change the run.
 
 use crate::common::{RecordedBoard, streaming};
 use palpate_emulator::{Sources, Time, firmware};
@@ -39,7 +39,8 @@ fn the_handler_of_the_edge_runs_once_a_sample_and_starts_at_once() {
     let edge = profile.handlers()[&(16 + 13)];
     assert!((195..=205).contains(&edge.runs), "{edge:?}");
     let (least, worst) = edge.start.unwrap();
-    // Sixteen cycles of 200 MHz for the entry, and what is fetched; nothing holds the edge back for long.
+    // Sixteen cycles at 200 MHz for the entry, and fetches; nothing delays the edge interrupt for
+    // long.
     assert!(least >= Time::from_ns(80), "{edge:?}");
     assert!(worst <= Time::from_us(2), "{edge:?}");
     assert!(edge.worst_cycles < 1_000, "{edge:?}");

@@ -1,5 +1,5 @@
-//! The image at the rates that it accepts: kept, and no more than the bus carries; and a sensor that does
-//! not oscillate at all of them.
+//! The image at the rates that it accepts: it keeps them, and accepts no more than the bus can
+//! carry; and a sensor that does not oscillate, at all rates.
 
 use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches};
@@ -12,7 +12,7 @@ use palpate_wire::record::Acknowledgement;
 const RELEASES: [InterruptRelease; 2] =
     [InterruptRelease::StatusOnly, InterruptRelease::StatusOrData];
 
-/// A bench whose converter's INTB is released so, with a stream under way.
+/// A bench with this release of INTB and a running stream.
 fn streaming(release: InterruptRelease, frequencies_hz: [f64; 4]) -> RecordedBoard {
     let chip = Settings {
         switches: Switches {
@@ -37,8 +37,8 @@ fn set(bench: &mut RecordedBoard, channels: u8, rate_hz: f32, stream: Stream) ->
     bench.command(&Command::SetSettings(settings))
 }
 
-/// The watchdog of the converter ends a conversion after 5.2 ms. Whether conversions take longer or not,
-/// what is wrong is the sensor, and it is said once.
+/// The converter's watchdog ends a conversion after 5.2 ms. For longer and shorter conversions the
+/// fault is the sensor, and it is reported once.
 #[test]
 fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
     for release in RELEASES {
@@ -60,7 +60,7 @@ fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
     }
 }
 
-/// The limits that a refusal names: every rate within them is kept, and none outside of them is accepted.
+/// Limits that a refusal reports: every rate within them is kept, and none outside is accepted.
 fn limits_hz(bench: &mut RecordedBoard, channels: u8) -> [f32; 2] {
     let answer = set(bench, channels, 1.0, Stream::Raw);
     assert_eq!(answer.outcome, Outcome::OutOfRange);
@@ -109,7 +109,7 @@ fn the_rates_that_are_accepted_are_kept_without_a_loss_and_others_are_refused() 
     }
 }
 
-/// The period that a run of words gives is the time from one to the next by the converter's own record.
+/// Asserts that the period of a run of words is the interval in the converter's own record.
 fn assert_periods_are_true(bench: &RecordedBoard, what: &str) {
     let fetched = &bench.board.wire_log().unwrap().fetched;
     let first: Vec<_> = fetched.iter().filter(|it| it.channel == 0).collect();
@@ -134,8 +134,8 @@ fn assert_periods_are_true(bench: &RecordedBoard, what: &str) {
     }
 }
 
-/// Slow edges make the clock of the bus slow: 400 kHz by the block's registers are 280 and 195 kHz with these.
-/// A frame of four channels then takes 1.3 and 1.9 ms.
+/// Slow edges slow down the bus clock: 400 kHz by the block's registers become 280 and 195 kHz with
+/// these. A frame of four channels then takes 1.3 and 1.9 ms.
 #[test]
 fn a_slow_bus_loses_nothing_where_a_frame_fits_into_a_scan() {
     for (rise_ns, rate_hz) in [(1_220, 250.0), (2_780, 100.0)] {

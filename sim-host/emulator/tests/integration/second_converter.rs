@@ -1,4 +1,4 @@
-//! Two converters on one bus: what one fails of costs the other nothing.
+//! Two converters on one bus: a failure of one does not affect the other.
 
 use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Settings};
 use palpate_emulator::{EmulatedBoard, LineFault, Options, Still, Time};
@@ -10,11 +10,11 @@ use palpate_wire::record::{Fault, Sample};
 use crate::common::stamps::{Silicon, change};
 use crate::common::{RecordedBoard, recording};
 
-/// The second converter's sensors: none is the first one's.
+/// Sensors of the second converter, all different from the first one's.
 const SECOND_HZ: [f64; 4] = [2.5e6, 2.6e6, 2.7e6, 2.8e6];
-/// Scans a second of both.
+/// Scan rate of both, Hz.
 const RATE_HZ: f32 = 500.0;
-/// How long the second one fails.
+/// Duration of the second one's failure.
 const FAILS: Time = Time::from_ms(300);
 
 /// Both converters stream.
@@ -22,7 +22,7 @@ fn streaming() -> RecordedBoard {
     streaming_with(0b0001, RATE_HZ)
 }
 
-/// Both converters stream with these channels and so many scans a second.
+/// Both converters stream with these channels and this rate.
 fn streaming_with(channels: u8, rate_hz: f32) -> RecordedBoard {
     let options = Options {
         second_converter: Some(SECOND_HZ),
@@ -42,7 +42,8 @@ fn streaming_with(channels: u8, rate_hz: f32) -> RecordedBoard {
     bench
 }
 
-/// One clock is at both converters' CLKIN: a conversion under way would be counted with two of them.
+/// One clock feeds both converters' CLKIN: a running conversion would count with two different
+/// clocks.
 #[test]
 fn the_clock_changes_only_while_both_converters_are_stopped() {
     let mut bench = streaming();
@@ -77,12 +78,12 @@ fn of(bench: &RecordedBoard, sensor: u8) -> Vec<(u64, Sample)> {
         .collect()
 }
 
-/// One sample every 2 ms, none lost, none beside its grid.
+/// Asserts one sample every 2 ms, none lost, none off its grid.
 fn assert_whole(samples: &[(u64, Sample)], seconds: f64, what: &str) {
     assert_whole_at(RATE_HZ, samples, seconds, what);
 }
 
-/// The same at so many a second.
+/// Asserts samples at this rate, none lost, none off the grid.
 fn assert_whole_at(rate_hz: f32, samples: &[(u64, Sample)], seconds: f64, what: &str) {
     let expected = f64::from(rate_hz) * seconds;
     let count = samples.len() as f64;
@@ -114,7 +115,7 @@ fn both_converters_stream_at_500_frames_a_second() {
     assert_eq!(bench.status().conversions_lost, 0);
 }
 
-/// The faults with their times: some, and all of the second converter.
+/// Faults with their times; asserts that there are some, all of the second converter.
 fn of_second(bench: &RecordedBoard, what: &str) -> Vec<(u64, Fault)> {
     let faults = bench
         .frames
@@ -133,8 +134,8 @@ fn of_second(bench: &RecordedBoard, what: &str) -> Vec<(u64, Fault)> {
     faults
 }
 
-/// Whichever channels are set, both start without a fault, and share the bus without a loss: with four
-/// channels a frame takes 1.1 ms of it, and each channel of the other is overwritten in as much.
+/// With any set of channels, both start without a fault, and share the bus without a loss: a frame
+/// of four channels takes 1.1 ms of bus time, in which the other converter overwrites each channel.
 #[test]
 fn both_converters_stream_with_every_number_of_channels() {
     for (channels, rate_hz) in [
@@ -167,7 +168,7 @@ fn both_converters_stream_with_every_number_of_channels() {
     }
 }
 
-/// What the bus cannot fetch from both is refused, and what was set before goes on.
+/// A rate that the bus cannot fetch from both is refused, and the previous settings continue.
 #[test]
 fn more_than_the_bus_can_fetch_from_both_is_refused() {
     let mut bench = streaming();
@@ -185,14 +186,14 @@ fn more_than_the_bus_can_fetch_from_both_is_refused() {
             "{channels:#06b} {rate_hz}"
         );
     }
-    // While the highest rate was sought samples waited.
+    // During the search for the highest rate, samples were queued.
     bench.run(Time::from_ms(50));
     bench.frames.clear();
     bench.run(Time::from_ms(200));
     assert_whole(&of(&bench, 1), 0.2, "converter 1");
 }
 
-/// Whatever pulls INTB low for a microsecond, or lets it go for one, there is no record more.
+/// If INTB is pulled low or released for a microsecond, there is no extra record.
 #[test]
 fn a_disturbance_of_intb_is_no_sample() {
     for (low, lasting_ns) in [(true, 500), (true, 1_500), (false, 1_000)] {
@@ -201,7 +202,7 @@ fn a_disturbance_of_intb_is_no_sample() {
         bench.run(Time::from_ms(100));
         bench.frames.clear();
         for step in 0..200 {
-            // At all times of a period of 1 ms.
+            // At all times within a period of 1 ms.
             let at = bench.board.now() + Time::from_us(1_000 + 5 * (step % 40));
             let fault = ChipFault::IntbStuck { low };
             let event = FaultEvent::at(at, fault, Time::from_ns(lasting_ns));
@@ -217,7 +218,7 @@ fn a_disturbance_of_intb_is_no_sample() {
         println!("{what}");
         let found = samples.len() as f64 - 1.0 + f64::from(missed);
         assert!((found - scans).abs() < 1.5, "{what}");
-        // One that ends in the disturbance is lost, and marked.
+        // A conversion that ends in the disturbance is lost, and marked.
         assert!(f64::from(missed) < 0.01 * scans, "{what}");
         assert!(samples.len() > 350, "{what}");
         assert_eq!(bench.faults(), [], "{what}");
@@ -245,7 +246,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         second.schedule(fault).unwrap();
         bench.run(Time::from_ms(1_000));
         assert_whole(&of(&bench, 0), 1.0, &what);
-        // The second reported that until its cause ended, and came back.
+        // The second one reported the fault until its cause ended, and recovered.
         let faults = of_second(&bench, &what);
         if !matches!(way, ChipFault::BrownOut(_)) {
             let ended: Vec<u64> = faults
@@ -268,9 +269,10 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
     }
 }
 
-/// While the second one is brought up its transactions follow one another without a pause: an edge of the
-/// first may meet any part of them, and its time has to be right all the same. At these times it met the
-/// beginning of one, when tasks began them with interrupts off.
+/// While the second one restarts, its transactions follow one another without a pause: an edge of
+/// the first one may coincide with any part of them, and its time must still be right. The edges
+/// here coincide with the start of one, which would delay them if a task started it with interrupts
+/// off.
 #[test]
 fn the_first_loses_nothing_while_the_second_starts_anew() {
     let silicon = Silicon {
@@ -301,7 +303,7 @@ fn the_first_loses_nothing_while_the_second_starts_anew() {
     }
 }
 
-/// The block is in its reset or has no pins then: an access to it ends the run.
+/// The block is then in reset or has no pins: an access to it would stop the run.
 #[test]
 fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
     const PHASES: u64 = 8;
@@ -332,7 +334,7 @@ fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
             .run_until(Time::from_ms(20), |board| !board.bus_is_taken())
             .unwrap();
         met += u32::from(was_high);
-        // Both go on.
+        // Both continue.
         bench.run(Time::from_ms(100));
         bench.frames.clear();
         bench.run(Time::from_ms(100));

@@ -1,5 +1,6 @@
-//! After a start of the converter, and when it is disturbed: a sample has its right time and is of
-//! one scan, or is marked. Small form; every rate and many phases are the campaign `image-starts`.
+//! After a start of the converter, and during disturbances, each sample has its right time and
+//! belongs to one scan, or is marked. Short form; the campaign `image-starts` covers every rate and
+//! many phases.
 
 use crate::common::stamps::{Judged, Silicon, change, judge};
 use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
@@ -136,8 +137,8 @@ impl Plant for Stopping {
 
 #[test]
 fn a_conversion_that_the_watchdog_aborts_is_marked_and_not_called_lost() {
-    // The chip's watchdog expires 5.2 ms after the last result: a conversion that is longer is aborted,
-    // and begun anew until the sensor oscillates.
+    // The chip's watchdog expires 5.2 ms after the last result: it aborts a longer conversion,
+    // which restarts until the sensor oscillates.
     for lasting_s in [0.002, 0.012, 0.022] {
         let plant = Stopping {
             sensors: Still {
@@ -177,14 +178,14 @@ fn a_conversion_that_the_watchdog_aborts_is_marked_and_not_called_lost() {
         );
         assert!(judged.holds(), "{lasting_s}: {judged:?}");
         let gaps = bench.samples().filter(|(_, it)| it.gap).count();
-        // The start's own, that of the first whole conversion, and one for each edge that the watchdog made; one that
-        // ended silent is flagged.
+        // The gap of the start, that of the first whole conversion, and one for each edge of the
+        // watchdog; a conversion that ended without oscillation is flagged.
         let aborted = (lasting_s / 0.0052) as usize + 1;
         assert!((2..=3 + aborted).contains(&gaps), "{lasting_s}: {gaps}");
     }
 }
 
-/// A register of the converter changes by itself while it streams.
+/// Flips bits of a converter register while it streams.
 fn upset(
     silicon: Silicon,
     channels: u8,
@@ -226,7 +227,7 @@ fn a_conversion_time_that_changes_is_marked_at_once_and_its_register_reported() 
         let reported = faults.first().unwrap_or_else(|| panic!("no fault: {what}"));
         assert_eq!(reported.code, FaultCode::SensorReset, "{what}");
         assert_eq!(reported.value, Some(f32::from(address)), "{what}");
-        // Started anew, it is right again.
+        // After its restart, it is right again.
         let last = bench.samples().last().unwrap().1;
         assert!(!last.gap && last.missed == 0, "{what}");
         assert!(faults.iter().any(|fault| !fault.active), "{what}");

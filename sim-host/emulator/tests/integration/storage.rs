@@ -1,6 +1,6 @@
 //! Settings and calibration in the image's flash.
 //!
-//! Small form; every operation and more bits are the campaign `image-storage`.
+//! Short form; the campaign `image-storage` covers every operation and more bits.
 
 use std::collections::BTreeSet;
 
@@ -18,7 +18,7 @@ use crate::common::stored::{
 };
 use crate::common::{Crash, EXCEPTIONS, RecordedBoard, image, reset_without_a_record};
 
-/// A board that has stored a configuration, and that.
+/// A board that has stored a configuration, with that configuration.
 fn saved() -> (RecordedBoard, Vec<Command>) {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let commands = configuration(1, Amount::Usual);
@@ -42,13 +42,13 @@ fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
     let save = ThirdSave::prepared(Amount::Usual, FlashTimes::Typical, 1);
     let mut which = BTreeSet::new();
     let count = save.operations.len() as u64;
-    // At the end of a save its seal is written.
+    // A save ends with its seal.
     let operations = spread(4, count).into_iter().chain(count - 8..count - 1);
     for operation in operations {
         let (of, recovered, found) = save.cut(operation);
         assert_ne!(of, Which::Neither, "operation {operation}: {found:?}");
         which.insert(of);
-        // A start writes nothing: what repairs is the next save.
+        // A start writes nothing: only the next save repairs.
         let (begun, end) = (recovered.board.flash().operations(), operation as usize + 1);
         assert_eq!(begun.len(), save.before + end, "operation {operation}");
         if operation % 2 == 1 {
@@ -84,7 +84,7 @@ fn a_calibration_that_is_not_stored_leaves_the_earlier_one_at_every_step() {
             "{step}"
         );
     }
-    // All of it is set, and none of it stored.
+    // Everything is set, and nothing stored.
     assert_ne!(bench.stored().in_force_crc, bench.stored().stored_crc);
 }
 
@@ -102,7 +102,7 @@ fn a_flipped_bit_of_what_is_stored_is_corrected_or_found() {
     assert!(found.contains(&BitFlip::Found), "{found:?}");
 }
 
-/// The boot ROM waits for flash by the ring oscillator, which this reset spares.
+/// The boot ROM waits for the flash by the ring oscillator, which this reset spares.
 #[test]
 fn a_watchdog_reset_in_the_longest_erase_ends_in_the_firmware() {
     let mut bench = ThirdSave::prepared(Amount::Usual, FlashTimes::Longest, 1).bench;
@@ -127,7 +127,7 @@ fn a_watchdog_reset_in_the_longest_erase_ends_in_the_firmware() {
     bench.stream();
 }
 
-// ---- beside everything else ----
+// ---- together with other activity ----
 
 #[test]
 fn a_save_with_the_longest_erases_holds_nothing_up() {
@@ -183,7 +183,7 @@ fn flash_is_changed_only_after_the_bridge_rests() {
     }
 }
 
-// ---- new starts ----
+// ---- restarts ----
 
 #[test]
 fn a_reboot_is_answered_first_and_finds_the_bridge_off() {
@@ -217,7 +217,7 @@ fn an_update_keeps_settings_and_calibration() {
     assert_eq!(found.hello.reset_cause, ResetCause::Software);
     assert!(found.is(&commands), "{found:?}");
 
-    // A probe writes the sectors of the image, and ends in a start.
+    // A probe writes the image's sectors, and then restarts the board.
     assert!(image().flash_bytes() <= AREA.start);
     let mut by_probe = bench;
     let area = by_probe
@@ -231,7 +231,8 @@ fn an_update_keeps_settings_and_calibration() {
     assert!(found.is(&commands), "{found:?}");
 }
 
-/// A board that has stored a configuration and then crashed five times in a row, and that.
+/// A board that has stored a configuration and then crashed five times in a row, with that
+/// configuration.
 fn crashed_five_times() -> (RecordedBoard, Vec<Command>) {
     let (mut bench, commands) = saved();
     for _ in 0..5 {
@@ -249,7 +250,7 @@ fn five_crashes_in_a_row_lead_to_a_mode_that_talks_and_does_not_drive() {
         code: FaultCode::CrashStreak,
     });
     assert_eq!(bench.command(&clear).outcome, Outcome::FaultPersists);
-    // A new start that comes too early changes nothing.
+    // An early restart changes nothing.
     let found = bench.reboot();
     assert_eq!(found.hello.reset_cause, ResetCause::Software);
     assert!(is_in_safe_mode(&mut bench, &commands));
@@ -267,7 +268,7 @@ fn ten_seconds_without_a_crash_and_a_reboot_end_the_safe_mode() {
     assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
 }
 
-/// Whether the board says so, has nothing in force of what is stored, and refuses to drive.
+/// Whether the board reports safe mode, uses no stored data, and refuses to drive.
 fn is_in_safe_mode(bench: &mut RecordedBoard, stored: &[Command]) -> bool {
     let faults = bench.faults();
     let is_said = faults
@@ -309,7 +310,7 @@ fn a_board_flickers_for_as_long_as_it_is_to_be_found() {
     assert!(led_changes(&mut bench, Time::from_ms(1_000)).len() <= 2);
 }
 
-/// When the LED goes on or off.
+/// Times at which the LED goes on or off.
 fn led_changes(bench: &mut RecordedBoard, time: Time) -> Vec<Time> {
     let end = bench.board.now() + time;
     let mut changes = Vec::new();

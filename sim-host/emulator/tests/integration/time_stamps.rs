@@ -1,13 +1,13 @@
-//! Sample times do not depend on who reads the channels: with logs and without, with a PC at the
-//! channels, one that has stopped reading, and none.
+//! Sample times do not depend on the readers of the channels: with logs and without, with a PC on
+//! the channels, one that has stopped reading, and none.
 
 use crate::common::{RecordedBoard, image, origin_us, recording};
 use ldc161x_sim::{Settings, TrueConversion};
 use palpate_emulator::{EmulatedBoard, Image, LOGS, Still, Time, firmware};
 
-/// By how much a sample's time may move.
+/// Allowed change of a sample's time, us.
 const ALLOWED_US: f64 = 2.0;
-/// What fills the greater of the two channels: 8 KiB of records of a hundred bytes a millisecond.
+/// Time that fills the larger channel: 8 KiB of records, a hundred bytes per millisecond.
 const FILLED: Time = Time::from_ms(150);
 const SAMPLES: usize = 40;
 
@@ -15,7 +15,7 @@ fn load(built: Result<std::path::PathBuf, firmware::BuildError>) -> Image {
     Image::load(&built.unwrap_or_else(|error| panic!("{error}"))).unwrap()
 }
 
-/// A bench whose sensors drift so fast that no two words are the same.
+/// A bench whose sensors drift so fast that no two words are equal.
 fn bench(image: &Image) -> RecordedBoard {
     let mut plant = Still::new(crate::common::FREQUENCIES_HZ);
     plant.drift_hz_per_s = 300e3;
@@ -26,19 +26,19 @@ fn bench(image: &Image) -> RecordedBoard {
         recording(),
     ));
     bench.stream();
-    // The period of the samples is learnt.
+    // The firmware learns the period of the samples.
     bench.run(Time::from_ms(100));
     bench
 }
 
-/// By how much a sample's time lies beside the middle of its conversion.
+/// Error of a sample's time relative to the middle of its conversion, us.
 fn error_us(time_us: u64, word: u32, fetched: &[TrueConversion], origin_us: f64) -> Option<f64> {
     let truth = fetched.iter().find(|it| it.word == word)?;
     let middle_s = (truth.start.as_secs_f64() + truth.end.as_secs_f64()) / 2.0;
     Some(time_us as f64 + origin_us - middle_s * 1e6)
 }
 
-/// The errors of all samples that have come since the frames were last cleared.
+/// Errors of all samples since the frames were last cleared, us.
 fn errors_us(bench: &RecordedBoard) -> Vec<f64> {
     let fetched = &bench.board.wire_log().unwrap().fetched;
     let origin_us = origin_us(&bench.board);
@@ -50,7 +50,7 @@ fn errors_us(bench: &RecordedBoard) -> Vec<f64> {
         .collect()
 }
 
-/// With a PC that takes records and logs every millisecond.
+/// Errors with a PC that reads records and logs every millisecond.
 fn attached(image: &Image) -> Vec<f64> {
     let mut bench = bench(image);
     bench.frames.clear();
@@ -63,8 +63,8 @@ fn attached(image: &Image) -> Vec<f64> {
     errors_us(&bench)
 }
 
-/// With full channels. The samples that are stamped then are dropped, so each is judged on a
-/// copy of the board whose channel is emptied between the sample's stamp and its record.
+/// Errors with full channels. Samples stamped then are dropped, so each is evaluated on a copy of
+/// the board whose channel is emptied between the sample's stamp and its record.
 fn unread(mut bench: RecordedBoard) -> Vec<f64> {
     bench.board.run_for(FILLED).unwrap();
     let mut errors = Vec::new();
@@ -78,7 +78,7 @@ fn unread(mut bench: RecordedBoard) -> Vec<f64> {
         bench.board.run_for(Time::from_us(60)).unwrap();
         let mut copy = bench.clone();
         let waiting = copy.board.read_channel(crate::common::DATA).len();
-        // All of 8191 bytes but what is too little for another record.
+        // All of the 8191 bytes except a rest too small for another record.
         assert!(waiting > 7_800, "the channel is not full: {waiting}");
         copy.restart_listening();
         copy.run(Time::from_ms(3));
@@ -100,7 +100,7 @@ fn stalled(image: &Image) -> Vec<f64> {
     unread(bench(image))
 }
 
-/// The times move by no more than is allowed, and are not all late together either.
+/// Whether the times move by no more than is allowed, and have no greater common delay.
 fn is_right(lowest: f64, highest: f64) -> bool {
     highest - lowest < ALLOWED_US && lowest > -ALLOWED_US && highest < ALLOWED_US
 }

@@ -1,5 +1,5 @@
-//! The value change dump, read back by the library of a waveform viewer: what its lines say is what
-//! the chip saw.
+//! The value change dump, read back by the library of a waveform viewer: its lines must show the
+//! chip's true signals.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -9,7 +9,7 @@ use ldc161x_sim::Settings;
 use palpate_emulator::{EmulatedBoard, LineFault, Options, Still, Time};
 use wellen::{SignalValueRef, simple};
 
-/// The changes of a signal by nanoseconds: levels and bytes as numbers, what is unknown as none.
+/// Changes of a signal by nanoseconds: levels and bytes as numbers, unknown values as `None`.
 type Changes = Vec<(u64, Option<f64>)>;
 
 /// Reads a dump.
@@ -41,7 +41,7 @@ fn read(dump: Vec<u8>) -> BTreeMap<String, Changes> {
     signals
 }
 
-/// What passed on a bus, decoded from the levels of its two lines alone.
+/// A bus symbol, decoded from the levels of both lines alone.
 #[derive(Clone, Debug, PartialEq)]
 enum PassedSymbol {
     Start,
@@ -156,7 +156,7 @@ fn the_lines_say_what_the_chip_reported() {
         fetched[begin..begin + words.len().min(fetched.len() - begin)],
         words
     );
-    // The bytes as the trace names them are those of its lines; equal ones in a row are one.
+    // The traced bytes are those of the lines; equal consecutive ones are one.
     let mut named: Vec<u8> = signals["board.i2c_byte"]
         .iter()
         .filter_map(|(_, byte)| byte.map(|byte| byte as u8))
@@ -206,7 +206,7 @@ fn scl_has_its_period_and_its_low_time_and_edges_call_for_frames() {
     }
 }
 
-/// The part of a time in which a signal is high.
+/// Share of a time in which a signal is high.
 fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
     let mut high_ns = 0;
@@ -222,7 +222,7 @@ fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     high_ns as f64 / (to - from) as f64
 }
 
-/// The mean of a signal over a time. A single value of the current has its ripple in it.
+/// Mean of a signal over a time. A single value of the current includes its ripple.
 fn mean(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
     let later = changes.iter().enumerate().skip(begin);
@@ -247,20 +247,20 @@ fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
     };
     let end = current.last().unwrap().0;
     let mut checked = 0;
-    // Whole milliseconds, of which each has 62.5 pulses.
+    // Whole milliseconds, each with 62.5 pulses.
     for from in (0..end - 1_000_000).step_by(1_000_000) {
         let to = from + 1_000_000;
         let (first_a, last_a) = (ampere(from), ampere(to));
-        // While the bridge limits, as in the self-test, its inputs do not drive the current.
+        // While the bridge limits, as in the self-test, its inputs do not determine the current.
         let limits = high_part(&signals["board.nfault"], (from, to)) < 1.0;
         if limits || first_a.min(last_a) < 2.0 || (last_a - first_a).abs() > 0.6 {
             continue;
         }
         let [in1, in2] =
             ["board.in1", "board.in2"].map(|name| high_part(&signals[name], (from, to)));
-        // 12 V at the bridge, of which 40 uH take what the change needs; the rest drives it through
-        // 0.39 ohm of coil and 0.08 of the bridge. The currents are those of two moments, within a
-        // ripple of half an ampere.
+        // 12 V at the bridge; the change of current takes its part across 40 uH, the rest drives
+        // the current through 0.39 ohm of coil and 0.08 ohm of bridge. The currents are
+        // instantaneous, within a ripple of half an ampere.
         let resistive_v = 12.0 * (in1 - in2) - 40e-6 * (last_a - first_a) / 1e-3;
         let resistance_ohm = resistive_v / mean(current, (from, to));
         assert!(
@@ -290,7 +290,7 @@ fn a_wire_that_is_pulled_low_is_traced_so() {
         .filter(|two| two[0].0 > begin && two[0].1 == Some(0.0))
         .map(|two| two[1].0 - two[0].0)
         .max();
-    // The recovery may pull it low itself at the moment at which it is released.
+    // The recovery may pull it low itself at the time of its release.
     assert!(
         (999_000..1_050_000).contains(&longest.unwrap()),
         "{longest:?}"

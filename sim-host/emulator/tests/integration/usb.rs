@@ -1,6 +1,6 @@
 //! The image at a USB host, with a second PC at the probe.
 //!
-//! Small form; the long one is the campaign `image-usb`.
+//! Short form; the long form is the campaign `image-usb`.
 
 use palpate_emulator::Time;
 use palpate_emulator::usb::{ControlOutcome, ControlTransfer, check_descriptors};
@@ -15,7 +15,7 @@ use crate::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_train
 use crate::common::usb::{Chance, INTERRUPT, UsbBench, answer, missing, plugged};
 use crate::common::{Crash, time_to_off};
 
-/// The longest that an edge that meets a free bus may wait.
+/// Longest delay of an edge while the bus is free.
 const LATENCY: Time = Time::from_us(10);
 
 #[test]
@@ -49,7 +49,7 @@ fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
     assert_eq!(found.hung, []);
     assert_eq!(found.wrong, 0);
     assert!(found.done > 50 && found.stalled > 100);
-    // Each kind has occurred; how often depends on when the interrupt of USB has its turn.
+    // Each kind has occurred; the counts depend on the timing of the USB interrupt.
     assert!(found.cancelled > 0 && found.overtaken > 0);
     assert!(found.levels.written > 10_000);
     assert_eq!(found.levels.late, 0);
@@ -59,7 +59,7 @@ fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
 }
 
-/// SET_CONTROL_LINE_STATE has none.
+/// SET_CONTROL_LINE_STATE announces no data.
 #[test]
 fn data_that_a_request_does_not_announce_are_refused() {
     let mut bench = plugged();
@@ -78,14 +78,14 @@ fn data_that_a_request_does_not_announce_are_refused() {
 
 const GET_DEVICE_DESCRIPTOR: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
 
-/// What it brings.
+/// Outcome of a correct request for the device descriptor.
 fn device_descriptor(bench: &UsbBench) -> ControlOutcome {
     let description = bench.probe.board.usb().description().unwrap();
     ControlOutcome::Done(description.device.clone())
 }
 
-/// Its status waits when they are refused, and the next transfer begins before the interrupt of USB has
-/// its turn.
+/// The status stage waits when the data are refused, and the next transfer starts before the USB
+/// interrupt runs.
 #[test]
 fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     let mut bench = plugged();
@@ -98,8 +98,8 @@ fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     }
 }
 
-/// The driver makes room again when it reads a full packet. More data may come into that before the status is made: host
-/// and device are of one mind about the address all the same.
+/// The driver makes room again when it reads a full packet. More data may arrive in it before the
+/// status stage: host and device must still agree about the address.
 #[test]
 fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
     let mut bench = plugged();
@@ -120,8 +120,8 @@ fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
     assert_eq!(refused, 300);
 }
 
-/// A packet of it has come while it was refused, is thrown away only when the next setup packet is there,
-/// and is refused once more.
+/// One of its packets arrives while the request is refused, is discarded only when the next setup
+/// packet is there, and is refused again.
 #[test]
 fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
@@ -134,9 +134,9 @@ fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
     }
 }
 
-/// They go into the packet that the former transfer waits for, until the interrupt of USB has its turn. Where
-/// one packet of that transfer came, the next one would be DATA0, and the request's DATA1 is dropped. The packet may end at
-/// any instant of what the interrupt does: lengths and stuffed bits shift that.
+/// The data go into the packet that the previous transfer waits for, until the USB interrupt runs.
+/// If one packet of that transfer arrived, the expected one is DATA0, and the request's DATA1 is
+/// dropped. The packet may end at any point of the interrupt: lengths and stuffed bits shift it.
 #[test]
 fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
     let line_coding = [0x21, 0x20, 0, 0, 0, 0, 7, 0];
@@ -177,9 +177,9 @@ fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
     }
 }
 
-/// The next one may come while the former's is copied, whose mark is cleared afterwards, and while the answer to
-/// it is made. An answer that is available already is taken for one to the next: no software can hinder that
-/// (docs/firmware.md, errata).
+/// The next setup packet may arrive while the previous one is copied, whose flag is cleared
+/// afterwards, and while its answer is prepared. An available answer is taken as the answer to the
+/// next one: software cannot prevent that (docs/firmware.md, errata).
 #[test]
 fn a_request_that_is_given_up_at_any_time_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
@@ -215,8 +215,8 @@ fn a_request_that_is_given_up_at_any_time_does_not_take_the_next_one_with_it() {
     assert!(answered_before < 300, "most show something");
 }
 
-/// A PC that configures the device again or clears a halt counts packets from DATA0 (USB 2.0 9.1.1.5,
-/// 9.4.5). A device that does not loses one, or repeats one.
+/// A PC that configures the device again or clears a halt expects DATA0 next (USB 2.0 9.1.1.5,
+/// 9.4.5). A device that ignores this loses or repeats a packet.
 #[test]
 fn a_device_that_is_configured_again_loses_no_packet() {
     let requests: [[u8; 8]; 4] = [
@@ -228,7 +228,7 @@ fn a_device_that_is_configured_again_loses_no_packet() {
     ];
     let mut bench = plugged();
     bench.port.begin_account();
-    // From one to the next the packets are now odd, now even in number.
+    // The number of packets between two requests alternates between odd and even.
     for (round, setup) in (0..).zip([requests; 4].concat()) {
         bench.probe.board.usb_mut().set_reading(false);
         bench.run(Time::from_us(1_300 + 70 * round));
@@ -267,7 +267,7 @@ fn nothing_is_lost_over_both_links_while_the_coil_is_in_its_train() {
     }
 }
 
-/// What is missing was dropped by the device, which said so, and the rest is right.
+/// Asserts that the device dropped and reported all missing records, and that the rest is right.
 fn assert_exact(bench: &UsbBench, tally: &palpate_wire::loss::Tally, cut: u32) {
     let (missing, dropped) = missing(tally);
     let (samples, strange) = bench.strange_samples();
@@ -299,7 +299,8 @@ fn a_closed_port_misses_what_the_device_counts() {
     }
 }
 
-/// A packet of a backlog ends within a frame, whose rest is thrown away when the port is opened anew.
+/// A packet of a backlog ends within a frame; opening the port again discards the rest of that
+/// frame.
 #[test]
 fn a_port_that_was_closed_within_a_frame_begins_with_its_end() {
     let mut bench = plugged();
@@ -365,7 +366,7 @@ fn an_answer_goes_back_by_the_link_of_its_command() {
         asked.push(bench.send(&Command::GetSettings));
         bench.run(Time::from_ms(3));
     }
-    // The port may be left with a packet a frame, and samples go before what was asked last.
+    // The port may be limited to one packet per frame, and samples precede the last answers.
     bench.run(Time::from_ms(20));
     let settings = |frames: &[palpate_wire::Frame<Record>]| {
         let of = |frame: &&palpate_wire::Frame<Record>| {
@@ -381,7 +382,7 @@ fn an_answer_goes_back_by_the_link_of_its_command() {
     for number in asked {
         assert!(answer(&bench.port.frames[at_port..], number).is_some());
     }
-    // One link alone: the other one hears nothing of it.
+    // Only one link: the other one receives nothing of it.
     let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
     assert_eq!(settings(&bench.probe.frames[at_probe..]), 0);
@@ -421,7 +422,7 @@ fn rubbish_as_fast_as_a_host_can_send_it_disturbs_nothing() {
     assert!(found.scans > 50);
 }
 
-/// Its packets wait for the instrument, and the ends of frames have to be known nevertheless.
+/// The commands' packets wait for the instrument, and the ends of frames must still be recognised.
 #[test]
 fn commands_without_a_pause_are_answered_and_hang_nothing() {
     let mut bench = plugged();

@@ -1,6 +1,6 @@
-//! Chance that repeats: the generator of a cut of power and of the unique identifier.
+//! Reproducible random numbers, for power cuts and the unique identifier.
 
-/// SplitMix64 (Steele, Lea and Flood, 2014), started by a seed.
+/// SplitMix64 (Steele, Lea and Flood, 2014), with a seed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Chance(u64);
 
@@ -16,13 +16,13 @@ impl Chance {
         word ^ word >> 31
     }
 
-    /// A number of at least 0 and less than 1.
+    /// Uniform in [0, 1).
     pub(super) fn fraction(&mut self) -> f64 {
-        // The 53 bits that a number holds.
+        // The 53 bits of a double's mantissa.
         (self.word() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A byte each of whose bits is set with a probability.
+    /// A byte whose bits are each set with a probability.
     pub(super) fn bits(&mut self, probability: f64) -> u8 {
         (0..8).fold(0, |bits, bit| {
             bits | u8::from(self.fraction() < probability) << bit

@@ -1,4 +1,4 @@
-//! The flash's commands, as bytes come in and go out while it is selected (datasheet, instructions).
+//! The flash's commands, byte by byte while it is selected (datasheet, instructions).
 
 use super::{Flash, FlashOperationKind, PAGE};
 
@@ -14,7 +14,7 @@ const READ_UNIQUE_ID: u8 = 0x4B;
 const BLOCK_ERASE_32: u8 = 0x52;
 const READ_JEDEC_ID: u8 = 0x9F;
 const BLOCK_ERASE_64: u8 = 0xD8;
-/// Ones end continuous read, and are no command otherwise.
+/// All ones end continuous read; otherwise they are not a command.
 const NOTHING: u8 = 0xFF;
 
 /// Manufacturer, memory type and capacity (datasheet, command 9Fh).
@@ -22,14 +22,14 @@ const JEDEC_ID: [u8; 3] = [0xEF, 0x40, 0x15];
 /// Status register 1: an operation runs, writing is enabled (datasheet, status registers).
 const BUSY: u8 = 1 << 0;
 const WRITE_ENABLED: u8 = 1 << 1;
-/// Status register 2: quad enabled, as the part of a Pico leaves the factory (datasheet, status
+/// Status register 2: quad enabled, the factory setting of a Pico's part (datasheet, status
 /// registers).
 const STATUS_2: u8 = 1 << 1;
 
 /// Bytes of a command with its address.
 const ADDRESSED: usize = 4;
 
-/// What has come since the flash was selected.
+/// Bytes received since the flash was selected.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Transfer {
     bytes: Vec<u8>,
@@ -40,7 +40,7 @@ impl Transfer {
         self.bytes.first().copied()
     }
 
-    /// The address behind the command, once it has come.
+    /// Address after the command; `None` until it is complete.
     fn address(&self) -> Option<u32> {
         match self.bytes.get(1..ADDRESSED)? {
             &[high, middle, low] => Some(u32::from_be_bytes([0, high, middle, low])),
@@ -48,8 +48,7 @@ impl Transfer {
         }
     }
 
-    /// The bytes for a page. They wrap within it, and the last ones count (datasheet, command
-    /// 02h).
+    /// Bytes for a page. They wrap within it, and the last ones count (datasheet, command 02h).
     fn page(&self, address: u32) -> Box<[u8; PAGE]> {
         let mut page = Box::new([0xFF; PAGE]);
         let offsets = (0..PAGE).cycle().skip(address as usize % PAGE);
@@ -63,7 +62,7 @@ impl Transfer {
 }
 
 impl FlashOperationKind {
-    /// The operation of a command.
+    /// Operation of a command.
     pub(crate) const fn of(command: u8) -> Option<Self> {
         match command {
             PAGE_PROGRAM => Some(Self::ProgramPage),
@@ -81,8 +80,8 @@ impl Flash {
         self.transfer.get_or_insert_default();
     }
 
-    /// A byte goes in, another comes out; nothing for a command that is not modelled, and 0xFF if
-    /// the flash is not selected.
+    /// Receives a byte and returns the byte sent at the same time; `None` for a command that is not
+    /// modelled, 0xFF if the flash is not selected.
     pub(crate) fn exchange(&mut self, byte: u8) -> Option<u8> {
         let Some(transfer) = &mut self.transfer else {
             return Some(NOTHING);
@@ -98,7 +97,7 @@ impl Flash {
         answer
     }
 
-    /// The byte that goes out as byte `index` comes in, which is at least 1.
+    /// Byte that is sent while byte `index` is received, which is at least 1.
     fn answer(&self, index: usize) -> u8 {
         let transfer = self.transfer.as_ref();
         let Some(command) = transfer.and_then(Transfer::command) else {
@@ -107,13 +106,13 @@ impl Flash {
         match command {
             READ_STATUS_1 => self.status(),
             READ_STATUS_2 => STATUS_2,
-            // Whatever else comes while an operation runs is ignored (datasheet, BUSY).
+            // The flash ignores everything else while an operation runs (datasheet, BUSY).
             _ if self.is_busy() => NOTHING,
             READ_JEDEC_ID => byte_from(&JEDEC_ID, index, 1),
-            // Four bytes of nothing before the identifier (datasheet, command 4Bh).
+            // Four dummy bytes before the identifier (datasheet, command 4Bh).
             READ_UNIQUE_ID => byte_from(&self.unique_id, index, 5),
             READ_DATA => self.read_data(index, ADDRESSED),
-            // One byte of nothing before the data (datasheet, command 0Bh).
+            // One dummy byte before the data (datasheet, command 0Bh).
             FAST_READ => self.read_data(index, ADDRESSED + 1),
             _ => NOTHING,
         }
@@ -133,7 +132,7 @@ impl Flash {
         }
     }
 
-    /// Chip select rises, by which commands that change anything take effect.
+    /// Chip select rises, which starts a command that changes anything.
     pub(crate) fn deselect(&mut self, now_ps: u64) {
         let Some(transfer) = self.transfer.take() else {
             return;
@@ -152,7 +151,7 @@ impl Flash {
             return;
         };
         let has_data = transfer.bytes.len() > ADDRESSED;
-        // An erase ends with its address, and a program has a byte to program.
+        // An erase ends with its address, and a program needs at least one data byte.
         if has_data == (kind == FlashOperationKind::ProgramPage) {
             self.begin(kind, address, transfer.page(address), now_ps);
         }
@@ -178,7 +177,7 @@ const fn is_known(command: u8) -> bool {
     )
 }
 
-/// A byte of an answer that begins with byte `first`.
+/// Byte `index` of an answer that starts at byte `first`.
 fn byte_from(answer: &[u8], index: usize, first: usize) -> u8 {
     let place = index.checked_sub(first);
     place
@@ -197,7 +196,7 @@ mod tests {
         Flash::new(&contents, FlashTimes::Typical, 1)
     }
 
-    /// Sends bytes while the flash is selected, and returns what comes back.
+    /// Sends bytes while the flash is selected, and returns the received bytes.
     fn exchange(flash: &mut Flash, bytes: &[u8]) -> Vec<u8> {
         flash.select();
         let answer = bytes.iter().map(|&byte| flash.exchange(byte).unwrap());

@@ -15,29 +15,29 @@ use sectors::Sectors;
 
 /// Bytes of the chip (datasheet, general description).
 pub(crate) const SIZE: usize = 2 * 1024 * 1024;
-/// Bytes of the smallest part that can be erased (datasheet, command 20h).
+/// Bytes of the smallest erasable unit (datasheet, command 20h).
 pub(crate) const SECTOR: usize = 4 * 1024;
-/// Bytes that one command programs at most (datasheet, command 02h).
+/// Most bytes that one command programs (datasheet, command 02h).
 pub(crate) const PAGE: usize = 256;
 
-/// Part of an erase in which its bits are first all cleared, so that the cells age alike. The
-/// datasheet is silent; guess.
+/// Part of an erase's time in which it first clears all bits, so that the cells age alike. The
+/// datasheet does not give it; guess.
 const CLEARING: f64 = 1.0 / 3.0;
 
-/// How long the flash takes for an operation (W25Q16JV datasheet, AC characteristics).
+/// Durations of the flash's operations (W25Q16JV datasheet, AC characteristics).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FlashTimes {
     /// Typical: a page 0.4 ms, a sector 45 ms, a block of 32 KiB 120 ms, one of 64 KiB 150 ms.
     #[default]
     Typical,
-    /// The most that the datasheet allows: 3 ms, 400 ms, 1.6 s and 2 s.
+    /// Longest times of the datasheet: 3 ms, 400 ms, 1.6 s and 2 s.
     Longest,
 }
 
-/// What the flash does by itself once it has its command.
+/// Kind of an operation that the flash runs after its command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FlashOperationKind {
-    /// Programs up to 256 bytes within a page: bits that are 0 there become 0.
+    /// Programs up to 256 bytes within a page: a 0 in the data clears the bit.
     ProgramPage,
     /// Sets all bits of a sector of 4 KiB.
     EraseSector,
@@ -48,7 +48,7 @@ pub enum FlashOperationKind {
 }
 
 impl FlashOperationKind {
-    /// The bytes that it can change.
+    /// Size of the affected area, bytes.
     #[must_use]
     pub const fn bytes(self) -> u32 {
         match self {
@@ -59,7 +59,7 @@ impl FlashOperationKind {
         }
     }
 
-    /// The time that it takes (datasheet, AC characteristics).
+    /// Duration (datasheet, AC characteristics).
     #[must_use]
     pub const fn time(self, times: FlashTimes) -> Time {
         let (typical_us, longest_us) = match self {
@@ -75,37 +75,38 @@ impl FlashOperationKind {
     }
 }
 
-/// An operation of the flash, as its log keeps it.
+/// An operation of the flash, as logged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashOperation {
-    /// When the flash began with it.
+    /// Time of its start.
     pub begun: Time,
-    /// What it does.
+    /// Kind of the operation.
     pub kind: FlashOperationKind,
-    /// Where its page, sector or block begins, in bytes from the flash's beginning.
+    /// Start of its page, sector or block, in bytes from the start of the flash.
     pub address: u32,
 }
 
-/// The flash chip. Its contents outlive every reset and every cut of power.
+/// The flash chip. Its contents survive every reset and every power cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flash {
     sectors: Sectors,
     times: FlashTimes,
     erase_counts: Arc<Vec<u32>>,
-    /// Where sectors begin that take nothing any more.
+    /// Start addresses of the worn-out sectors.
     worn: Arc<BTreeSet<u32>>,
     log: Arc<Vec<FlashOperation>>,
     unique_id: [u8; 8],
     chance: Chance,
-    /// Operations until the one in which the power fails.
+    /// Number of operations before the one in which the power fails.
     cut_after: Option<u64>,
     power_fails_ps: Option<u64>,
     running: Option<Running>,
     write_enabled: bool,
-    /// It takes the next read's address without a command before it (datasheet, command EBh).
+    /// In continuous read: the next read's address comes without a command (datasheet, command
+    /// EBh).
     is_continuous: bool,
     transfer: Option<Transfer>,
-    /// Its contents have changed since this was last asked.
+    /// Whether its contents have changed since the last query.
     has_changed: bool,
 }
 
@@ -139,22 +140,22 @@ impl Flash {
         }
     }
 
-    // ---- what a test looks at and disturbs ----
+    // ---- inspection and faults ----
 
-    /// A byte, by its address from the flash's beginning; addresses repeat every 2 MiB.
+    /// A byte, by its address from the start of the flash; addresses repeat every 2 MiB.
     #[must_use]
     #[inline]
     pub fn byte(&self, address: u32) -> u8 {
         self.sectors.byte(address)
     }
 
-    /// A word, lowest byte first.
+    /// A little-endian word.
     #[inline]
     pub(crate) fn word(&self, address: u32) -> u32 {
         self.sectors.word(address)
     }
 
-    /// So many bytes from an address on.
+    /// `count` bytes from an address on.
     #[must_use]
     pub fn bytes(&self, address: u32, count: u32) -> Vec<u8> {
         (0..count)
@@ -162,45 +163,45 @@ impl Flash {
             .collect()
     }
 
-    /// All contents, 2 MiB, to be kept in a file and given to [`Self::import`].
+    /// All contents, 2 MiB, to be kept in a file and passed to [`Self::import`].
     #[must_use]
     pub fn export(&self) -> Vec<u8> {
         self.sectors.bytes().collect()
     }
 
-    /// Replaces all contents, from the flash's beginning on; what is not given is erased, and bytes
-    /// beyond 2 MiB are left out. Counts and log stay.
+    /// Replaces all contents, from the start of the flash; the rest is erased, and bytes beyond 2
+    /// MiB are ignored. Counts and log stay.
     pub fn import(&mut self, contents: &[u8]) {
         self.sectors = Sectors::new(contents);
         self.has_changed = true;
     }
 
-    /// Inverts one bit, 0 to 7, of a byte, as a cell does that has lost its charge.
+    /// Inverts one bit, 0 to 7, of a byte, as a cell that has lost its charge.
     pub fn flip_bit(&mut self, address: u32, bit: u8) {
         self.sectors
             .change_byte(address, |byte| byte ^ 1 << (bit & 7));
         self.has_changed = true;
     }
 
-    /// Wears out the sector that an address lies in: operations on it take their time and change
-    /// nothing from now on.
+    /// Wears out the sector at an address: from now on its operations take their time, but change
+    /// nothing.
     pub fn wear_out(&mut self, address: u32) {
         Arc::make_mut(&mut self.worn).insert(sector_of(address));
     }
 
-    /// How often each sector has been erased, by itself or with its block.
+    /// Erase count of each sector; it includes erases of the sector's block.
     #[must_use]
     pub fn erase_counts(&self) -> &[u32] {
         &self.erase_counts
     }
 
-    /// Every operation that was begun, in order.
+    /// All operations so far, in order of their start.
     #[must_use]
     pub fn operations(&self) -> &[FlashOperation] {
         &self.log
     }
 
-    /// The identifier that command 4Bh reads. It follows from the board's seed.
+    /// Unique identifier, read by command 4Bh. It follows from the board's seed.
     #[must_use]
     pub const fn unique_id(&self) -> [u8; 8] {
         self.unique_id
@@ -212,14 +213,14 @@ impl Flash {
         self.running.is_some()
     }
 
-    /// Lets the power of the board fail during an operation: 0 for the next one that begins. When
-    /// in it, and which of its bits have changed then, follows from the board's seed. Bits that
-    /// read now so and now so afterwards, as half-charged cells do, are not modelled.
+    /// Makes the board's power fail during an operation: 0 for the next one. The board's seed
+    /// determines the time within the operation, and which bits have changed by then. Half-charged
+    /// cells, whose bits read differently each time, are not modelled.
     pub const fn cut_power_at_operation(&mut self, number: u64) {
         self.cut_after = Some(number);
     }
 
-    /// Takes back [`Self::cut_power_at_operation`]; whether the power has not failed yet.
+    /// Cancels [`Self::cut_power_at_operation`]; returns whether the power had not failed yet.
     pub const fn cancel_power_cut(&mut self) -> bool {
         self.power_fails_ps = None;
         self.cut_after.take().is_some()
@@ -227,10 +228,10 @@ impl Flash {
 
     // ---- time ----
 
-    /// When an operation ends or the power fails.
+    /// Time at which an operation ends or the power fails.
     #[inline]
     pub(crate) fn next_event(&self) -> Option<u64> {
-        // The power fails within an operation only.
+        // The power fails only within an operation.
         let running = self.running.as_ref()?;
         Some(self.power_fails_ps.unwrap_or(running.ends_ps))
     }
@@ -243,12 +244,12 @@ impl Flash {
         }
     }
 
-    /// Whether the power has failed, as was ordered.
+    /// Whether the requested power cut has happened.
     pub(crate) fn has_lost_power(&self, now_ps: u64) -> bool {
         self.power_fails_ps.is_some_and(|fails| fails <= now_ps)
     }
 
-    /// Loses its power and gets it again: what runs stays half done.
+    /// Cuts and restores the power: a running operation stays half done.
     pub(crate) fn cycle_power(&mut self, now_ps: u64) {
         let now_ps = self
             .power_fails_ps
@@ -271,7 +272,7 @@ impl Flash {
 
     // ---- operations ----
 
-    /// Begins an operation; without effect unless writing was enabled (datasheet, command 06h).
+    /// Starts an operation; no effect unless writing was enabled (datasheet, command 06h).
     pub(crate) fn begin(
         &mut self,
         kind: FlashOperationKind,
@@ -299,7 +300,7 @@ impl Flash {
         });
     }
 
-    /// Command 06h: the next operation may begin.
+    /// Command 06h: enables the next operation.
     pub(crate) const fn enable_write(&mut self) {
         self.write_enabled = !self.is_busy();
     }
@@ -328,7 +329,7 @@ impl Flash {
         }
     }
 
-    /// Ends what runs when this part of its time has passed.
+    /// Ends the running operation after this part of its time.
     fn finish(&mut self, passed: f64) {
         let Some(running) = self.running.take() else {
             return;
@@ -378,12 +379,12 @@ impl Flash {
 
     // ---- continuous read ----
 
-    /// Whether it takes addresses without commands.
+    /// Whether the flash takes addresses without commands.
     pub(crate) const fn is_continuous(&self) -> bool {
         self.is_continuous
     }
 
-    /// A quad read with these mode bits: those of 10xx keep it in continuous read (datasheet,
+    /// A quad read with these mode bits: 10xx keeps the flash in continuous read (datasheet,
     /// command EBh).
     pub(crate) const fn read_quad(&mut self, mode_bits: u8) {
         self.is_continuous = mode_bits >> 4 & 0b11 == 0b10;
@@ -395,12 +396,12 @@ impl Flash {
     }
 }
 
-/// Where the sector begins that an address lies in.
+/// Start address of the sector at an address.
 const fn sector_of(address: u32) -> u32 {
     (address % SIZE as u32) & !(SECTOR as u32 - 1)
 }
 
-/// Which bits of a byte have changed when a part of the time has passed: none at 0, all at 1.
+/// Bits of a byte that have changed after a part of the time: none at 0, all at 1.
 fn changed(chance: &mut Chance, passed: f64) -> u8 {
     if passed < 1.0 {
         chance.bits(passed)
@@ -421,7 +422,7 @@ mod tests {
         Flash::new(&[], FlashTimes::Typical, 1)
     }
 
-    /// Begins an operation and waits for its end.
+    /// Starts an operation and waits for its end.
     fn operate(flash: &mut Flash, kind: FlashOperationKind, address: u32, page: [u8; PAGE]) {
         let now_ps = flash
             .log
@@ -564,7 +565,7 @@ mod tests {
         assert_ne!(of(1), of(2));
     }
 
-    /// A flash whose power fails in one operation, and how much of its time had passed.
+    /// A flash whose power fails in one operation, and the elapsed part of its time.
     fn cut(seed: u64, kind: FlashOperationKind, before: u8, page: u8) -> (Flash, f64) {
         let mut flash = Flash::new(&vec![before; SIZE], FlashTimes::Typical, seed);
         flash.cut_power_at_operation(0);
@@ -591,7 +592,7 @@ mod tests {
                 .iter()
                 .map(|byte| (byte & 0xC0).count_zeros() - 6)
                 .sum();
-            // Of 512 bits, as many as the time that had passed; 4.5 standard deviations.
+            // Of 512 bits, the elapsed part has changed; 4.5 standard deviations.
             assert!((f64::from(cleared) - passed * 512.0).abs() < 51.0, "{seed}");
             assert_eq!(flash.byte(PAGE as u32), 0xF0);
         }
@@ -638,7 +639,7 @@ mod tests {
         }
     }
 
-    /// What a test does with the flash.
+    /// One action of a test on the flash.
     #[derive(Clone, Debug)]
     enum Deed {
         Program(u32, Vec<u8>),
@@ -648,7 +649,7 @@ mod tests {
 
     fn deeds() -> impl Strategy<Value = Vec<Deed>> {
         use FlashOperationKind::{EraseBlock32, EraseBlock64, EraseSector};
-        // Few places, so that deeds meet; the last ones as well.
+        // Few addresses, so that the actions overlap; the last ones as well.
         let address = prop_oneof![0..0x2_2000_u32, SIZE as u32 - 0x400..SIZE as u32];
         let kind = prop_oneof![Just(EraseSector), Just(EraseBlock32), Just(EraseBlock64)];
         let bytes = proptest::collection::vec(any::<u8>(), 1..600);
@@ -660,7 +661,7 @@ mod tests {
         proptest::collection::vec(deed, 1..24)
     }
 
-    /// The same on a plain array.
+    /// Applies an action to a plain array.
     fn expect(model: &mut [u8], deed: &Deed) {
         match deed {
             Deed::Program(address, bytes) => {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{PAGE, SECTOR, SIZE};
 
-/// What an erased byte reads.
+/// Value of an erased byte.
 const ERASED: u8 = 0xFF;
 
 /// The chip's contents. A clone shares every sector with its origin.
@@ -12,7 +12,7 @@ const ERASED: u8 = 0xFF;
 pub(super) struct Sectors(Vec<Arc<[u8; SECTOR]>>);
 
 impl Sectors {
-    /// Contents from their beginning on; the rest is erased, and what does not fit is left out.
+    /// Contents from the start of the flash; the rest is erased, and excess bytes are ignored.
     pub(super) fn new(contents: &[u8]) -> Self {
         let erased = Arc::new([ERASED; SECTOR]);
         let mut sectors = Self(vec![erased; SIZE / SECTOR]);
@@ -27,7 +27,7 @@ impl Sectors {
         sectors
     }
 
-    /// A byte. The contents repeat behind their end: the chip has no more address bits.
+    /// A byte. Addresses wrap at the end: the chip has no more address bits.
     #[inline]
     pub(super) fn byte(&self, address: u32) -> u8 {
         let address = address as usize % SIZE;
@@ -37,7 +37,7 @@ impl Sectors {
             .map_or(ERASED, |&cell| cell)
     }
 
-    /// Four bytes, lowest first.
+    /// A little-endian word.
     #[inline]
     pub(super) fn word(&self, address: u32) -> u32 {
         let address = address as usize % SIZE;
@@ -66,14 +66,14 @@ impl Sectors {
         sector.map_or(&mut [], |cells| Arc::make_mut(cells).as_mut_slice())
     }
 
-    /// Changes every byte of the sector that an address lies in.
+    /// Changes every byte of the sector at an address.
     pub(super) fn change_sector(&mut self, address: u32, mut change: impl FnMut(u8) -> u8) {
         for cell in self.sector_mut(address) {
             *cell = change(*cell);
         }
     }
 
-    /// Changes every byte of the page that an address lies in, each with the one that belongs to it.
+    /// Changes every byte of the page at an address, each with its own data byte.
     pub(super) fn change_page(
         &mut self,
         address: u32,
@@ -98,7 +98,7 @@ impl Sectors {
 
 #[cfg(test)]
 impl Sectors {
-    /// How many sectors are the same memory.
+    /// Number of sectors that share memory with `other`.
     pub(super) fn shared_with(&self, other: &Self) -> usize {
         let pairs = self.0.iter().zip(&other.0);
         pairs.filter(|(one, two)| Arc::ptr_eq(one, two)).count()

@@ -1,41 +1,42 @@
-//! The flash on the bus: its controller's registers, its cache's, and whether it can be read in
-//! place.
+//! The flash on the bus: registers of its controller and of its cache, and whether it can be read
+//! in place.
 
 use crate::board::plant::Plant;
 use crate::stop::{Refusal, Stop};
 
 use super::SystemBus;
 
-/// Where the registers of cache and controller lie (RP2040 datasheet 2.2.2).
+/// Base addresses of cache and controller (RP2040 datasheet 2.2.2).
 mod base {
     pub(super) const XIP_CTRL: u32 = 0x1400_0000;
     pub(super) const SSI: u32 = 0x1800_0000;
 
-    /// The block of an address, behind any of the four views of its registers.
+    /// Base of an address's block, for any of the four views of its registers.
     pub(super) const fn of(address: u32) -> u32 {
         address & !0x3FFF
     }
 }
 
-/// XIP_CTRL by offset, and its bits after a reset: enabled, errors for writes (2.6.3.6).
+/// XIP_CTRL by offset, and its value after a reset: enabled, errors on writes (2.6.3.6).
 const CTRL: u32 = 0x0;
 const FLUSH: u32 = 0x4;
 const STAT: u32 = 0x8;
 const ENABLED: u32 = 0b11;
-/// STAT: a flush is done, and nothing is streamed.
+/// STAT: a flush is complete, and nothing is streamed.
 const READY: u32 = 0b11;
-/// The scratch register of the watchdog, and what it holds, for a start at an address that others
-/// of them hold (2.8.1.1).
+/// Scratch register of the watchdog, and its value for a start at an address from other scratch
+/// registers (2.8.1.1).
 const DIRECT_BOOT_SCRATCH: u32 = 0x1C;
 const DIRECT_BOOT: u32 = 0xB007_C0D3;
-/// Mode bits of a read that keep the flash continuous, as the second stage sends them.
+/// Mode bits that keep the flash in continuous read, as the second stage sends them.
 const CONTINUOUS: u8 = 0xA0;
-/// Bytes of the second stage, of which the last four are their checksum (2.8.1.3).
+/// Bytes of the second stage; the last four are its checksum (2.8.1.3).
 const SECOND_STAGE: u32 = 256;
 const CHECKSUM: u32 = 4;
 
 impl<P: Plant> SystemBus<P> {
-    /// What a block refuses ends the run; nothing if the access is not modelled.
+    /// Result of an access to a block. A misuse stops the run; `None` if the access is not
+    /// modelled.
     pub(super) fn accept<T: Default>(&mut self, result: Result<T, Refusal>) -> Option<T> {
         match result {
             Ok(value) => Some(value),
@@ -60,7 +61,8 @@ impl<P: Plant> SystemBus<P> {
         self.stop.get_or_insert(Stop::Misused { what, pc });
     }
 
-    /// An access to what drives the flash, while a function of the boot ROM drives it.
+    /// Checks an access to the flash controller, which is invalid while a function of the boot ROM
+    /// uses it.
     pub(super) fn check_controller(&mut self) {
         if self.rom_calls.running.is_some() {
             self.misuse("accesses the flash's controller while a function of the boot ROM runs");
@@ -104,7 +106,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// The cache stays enabled and keeps its errors: it is not modelled as memory.
+    /// The cache stays enabled and keeps its errors: its use as memory is not modelled.
     fn write_cache(&mut self, address: u32, value: u32) -> Option<()> {
         let control = match address >> 12 & 0b11 {
             0 => value,
@@ -135,26 +137,26 @@ impl<P: Plant> SystemBus<P> {
         self.memory.cache.flush();
     }
 
-    /// Takes whether the flash can be read in place now, and how.
+    /// Updates whether the flash can be read in place, and how.
     pub(crate) fn follow_flash(&mut self) {
         let format = self.ssi.read_format(&self.memory.flash);
         self.memory.follow_flash(format);
     }
 
-    /// A start at an address that the watchdog's scratch registers name (2.8.1.1) ends the run.
+    /// Stops the run at a start at an address from the watchdog's scratch registers (2.8.1.1).
     pub(crate) fn check_direct_boot(&mut self) {
         if self.watchdog.read(DIRECT_BOOT_SCRATCH) == Some(DIRECT_BOOT) {
             self.fail("a start through the watchdog's scratch registers");
         }
     }
 
-    /// What the second stage does with the flash.
+    /// Effect of the second stage on the flash.
     pub(crate) fn enter_quad_xip(&mut self) {
         self.memory.flash.read_quad(CONTINUOUS);
         self.follow_flash();
     }
 
-    /// Whether the boot ROM finds a second stage with its checksum (2.8.1.3.1).
+    /// Whether the boot ROM finds a second stage with a valid checksum (2.8.1.3.1).
     pub(crate) fn has_second_stage(&self) -> bool {
         let flash = &self.memory.flash;
         if flash.is_busy() {
@@ -165,7 +167,8 @@ impl<P: Plant> SystemBus<P> {
     }
 }
 
-/// CRC-32 with the polynomial 04C11DB7, high bit first, from ones on, not inverted (2.8.1.3.1).
+/// CRC-32 with the polynomial 04C11DB7, high bit first, initial value of all ones, not inverted
+/// (2.8.1.3.1).
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     let bits = |rest: u32| {
         let polynomial = if rest >> 31 == 1 { 0x04C1_1DB7 } else { 0 };

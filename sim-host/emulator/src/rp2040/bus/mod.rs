@@ -1,4 +1,4 @@
-//! The processor's bus: decodes addresses and forwards what is read and written to the blocks.
+//! The processor's bus: decodes addresses and forwards reads and writes to the blocks.
 
 pub(crate) mod flash;
 mod rom;
@@ -34,14 +34,14 @@ use crate::time::Clock;
 use crate::trace::Trace;
 use crate::usb::{self, Usb};
 
-/// Cycles for which a read and a write wait at the APB bridge: two in the place of one, and one more
-/// for a read, two more for a write (datasheet 2.1.3).
+/// Wait cycles of a read and of a write at the APB bridge: one for the second cycle, plus one for a
+/// read and two for a write (datasheet 2.1.3).
 const APB_READ_CYCLES: u32 = 2;
 const APB_WRITE_CYCLES: u32 = 3;
-/// The processor's clock while nothing else is set: the ring oscillator.
+/// The processor's clock after a reset, Hz: the ring oscillator.
 pub(crate) const BOOT_HZ: f64 = 6.5e6;
 
-/// Where the blocks' registers begin (datasheet 2.2).
+/// Base addresses of the blocks (datasheet 2.2).
 pub(crate) mod base {
     pub(crate) const CLOCKS: u32 = 0x4000_8000;
     pub(crate) const RESETS: u32 = 0x4000_C000;
@@ -64,24 +64,24 @@ pub(crate) mod base {
     pub(crate) const USB_MEMORY: u32 = 0x5010_0000;
     pub(crate) const USB: u32 = 0x5011_0000;
 
-    /// The block of an address, behind any of the four views of its registers.
+    /// Base of an address's block, for any of the four views of its registers.
     pub(crate) const fn of(address: u32) -> u32 {
         address & !0x3FFF
     }
 }
 
-/// Everything but the processor's core.
+/// Everything except the processor's core.
 #[derive(Clone)]
 pub(crate) struct SystemBus<P> {
     pub(crate) memory: Memory,
     pub(crate) private: Private,
     pub(crate) clock: Clock,
-    /// The present instruction, and the cycles that it waits for memory and registers.
+    /// Address of the present instruction, and its wait cycles for memory and registers.
     pc: u32,
     pub(crate) stall: u32,
     pub(crate) stop: Option<Stop>,
     pub(crate) next_event_ps: u64,
-    /// Code may have changed where some ran before: in flash, or in RAM around a call of the ROM.
+    /// Whether code may have changed: in flash, or in RAM around a call of the ROM.
     has_new_code: bool,
     ssi: Ssi,
     pub(crate) rom_calls: RomCalls,
@@ -137,7 +137,7 @@ impl<P: Plant> SystemBus<P> {
         bus
     }
 
-    /// The board loses its power and gets it again: contents of the flash and the outside remain.
+    /// Cuts and restores the board's power: contents of the flash and the outside stay.
     pub(crate) fn cycle_power(&mut self) {
         self.memory.flash.cycle_power(self.clock.now_ps());
         self.reset();
@@ -156,13 +156,13 @@ impl<P: Plant> SystemBus<P> {
         self.memory.flash.take_changed() | std::mem::take(&mut self.has_new_code)
     }
 
-    /// After the watchdog has reset the chip: memory, scratch registers and the outside remain.
+    /// State after a watchdog reset of the chip: memory, scratch registers and the outside stay.
     pub(crate) fn reset(&mut self) {
         let now_ps = self.clock.now_ps();
         self.trace_pulses(now_ps);
         self.run_coil(now_ps);
         self.memory.cache.flush();
-        // What has been sent to the flash goes on, and the rest does not come.
+        // The flash acts on the bytes already sent; the rest does not arrive.
         self.memory.flash.deselect(now_ps);
         self.ssi = Ssi::new();
         self.rom_calls = RomCalls {
@@ -186,8 +186,8 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
-    /// Whether the chip restarts when the core's supply falls to a voltage. Where it does not and should, no test
-    /// knows what a processor does.
+    /// Whether the chip restarts when the core's supply falls to a voltage. The run stops if
+    /// it does not although the voltage is too low: the processor's behaviour is then unknown.
     pub(crate) fn restarts_at(&mut self, core_v: f64) -> bool {
         if self.power.detects(core_v) {
             return true;
@@ -269,7 +269,7 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
-    /// The wait of an access to a register, and whether its block may be accessed.
+    /// Charges the wait cycles of a register access, and checks that its block is out of reset.
     fn charge_register(&mut self, address: u32, apb_cycles: u32) {
         if address >> 28 == 0x4 {
             self.stall += apb_cycles;
@@ -330,7 +330,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// The USB controller needs 48 MHz (datasheet 2.15.1).
+    /// Checks the USB controller's clock of 48 MHz (datasheet 2.15.1).
     fn check_usb_clock(&mut self) {
         if self.clocks.usb_hz().is_none() {
             self.fail("a USB controller without 48 MHz at clk_usb");
@@ -366,8 +366,8 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// A write through one of the four views of a register: plain, exclusive or, set, clear
-    /// (datasheet 2.1.2).
+    /// A write through one of the four views of a register: plain, xor, set, clear (datasheet
+    /// 2.1.2).
     fn write_alias(&mut self, address: u32, value: u32) -> Option<()> {
         let (base, offset) = (base::of(address), address & 0xFFF);
         let value = match address >> 12 & 0b11 {
@@ -609,7 +609,7 @@ mod tests {
     use super::*;
     use crate::board::plant::Still;
 
-    /// The bus with 48 MHz from the system's PLL at 96 MHz, divided by two.
+    /// A bus with 48 MHz from the system's PLL at 96 MHz, divided by two.
     fn bus() -> SystemBus<Still> {
         let chip = Chip::new(Default::default(), Still::new([3e6; 4]));
         let wire = Wire::new(chip, None, false, false);
@@ -635,7 +635,7 @@ mod tests {
         bus
     }
 
-    /// Shows a device, plugs the cable, and waits until it is reset.
+    /// Attaches a device, plugs the cable, and waits for the bus reset.
     fn attach(bus: &mut SystemBus<Still>) {
         for (register, value) in [(0x74, 0b1001), (0x78, 0b1100), (0x40, 1), (0x4C, 1 << 16)] {
             bus.write32(base::USB + register, value);

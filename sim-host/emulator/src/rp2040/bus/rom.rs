@@ -1,4 +1,4 @@
-//! The boot ROM's functions at work: what they check, what they change, and when they are done.
+//! Execution of the boot ROM's functions: checks, effects and durations.
 
 use std::collections::VecDeque;
 
@@ -13,9 +13,9 @@ use crate::time::periods_ps;
 
 use super::SystemBus;
 
-/// From `reset_to_usb_boot` to the reset (the boot ROM's source, `bootrom_main.c`), ms.
+/// Delay from `reset_to_usb_boot` to the reset (the boot ROM's source, `bootrom_main.c`), ms.
 const USB_BOOT_MS: u32 = 10;
-/// WATCHDOG registers and the bit that enables it (RP2040 datasheet 4.7.6).
+/// WATCHDOG registers and their enable bit (RP2040 datasheet 4.7.6).
 const WATCHDOG_CTRL: u32 = 0x00;
 const WATCHDOG_LOAD: u32 = 0x04;
 const WATCHDOG_SCRATCH: [u32; 2] = [0x0C, 0x10];
@@ -155,14 +155,14 @@ impl<P: Plant> SystemBus<P> {
         Ok(())
     }
 
-    /// Ends in a reset that the watchdog makes, until which interrupts go on.
+    /// Ends in a watchdog reset; until then interrupts continue.
     fn reset_to_usb_boot(&mut self) -> Result<(), Refusal> {
         let [activity_pins, disabled_interfaces, ..] = self.rom_calls.arguments;
         self.rom_calls.usb_boot = Some([activity_pins, disabled_interfaces]);
         self.reboot_by_watchdog(USB_BOOT_MS)
             .ok_or(Refusal::Unmodelled)?;
-        // The masks wait in the first two scratch registers (the boot ROM's source), over whatever
-        // the firmware kept there.
+        // The masks wait in the first two scratch registers (the boot ROM's source), and overwrite
+        // the firmware's values there.
         for (register, mask) in WATCHDOG_SCRATCH
             .into_iter()
             .zip([activity_pins, disabled_interfaces])
@@ -180,8 +180,8 @@ impl<P: Plant> SystemBus<P> {
         Ok(())
     }
 
-    /// Lets the watchdog reset everything after a time that the boot ROM means to be so long; it is
-    /// half of it by erratum E1 (the boot ROM's source, `runtime.c`).
+    /// Makes the watchdog reset everything after the time that the boot ROM intends; due to erratum
+    /// E1 it takes half of it (the boot ROM's source, `runtime.c`).
     pub(crate) fn reboot_by_watchdog(&mut self, milliseconds: u32) -> Option<()> {
         self.power.let_watchdog_reset_all();
         let now_ps = self.clock.now_ps();
@@ -199,7 +199,7 @@ impl<P: Plant> SystemBus<P> {
 
     // ---- time ----
 
-    /// Lets a function end after some cycles.
+    /// Ends a function after some cycles.
     fn wait(&mut self, function: RomFunction, cycles: u64) {
         let wait_ps = periods_ps(cycles, self.clock.hz());
         self.rom_calls.running = Some(Running {
@@ -209,16 +209,16 @@ impl<P: Plant> SystemBus<P> {
         });
     }
 
-    /// The boot ROM's loader talks to the flash as its functions do.
+    /// Sets up the SSI for the boot ROM's loader, as the ROM's functions do.
     pub(crate) fn ssi_for_boot_loader(&mut self) {
         self.ssi.connect();
         self.ssi.set_serial();
         self.memory.flash.exit_continuous();
     }
 
-    /// Lets a function erase and program.
+    /// Starts a function that erases and programs.
     pub(crate) fn run(&mut self, function: RomFunction, steps: VecDeque<Step>) {
-        // The ROM drives chip select by hand, and leaves it high.
+        // The ROM drives chip select by software, and leaves it high.
         self.ssi.deselect_by_hand();
         self.rom_calls.running = Some(Running {
             function,
@@ -227,13 +227,13 @@ impl<P: Plant> SystemBus<P> {
         });
     }
 
-    /// When a step, begun now, has been sent.
+    /// Time at which a step that starts now has been sent.
     fn sent_ps(&self, step: Option<&Step>) -> u64 {
         let cycles = step.map_or(0, Step::bits) * u64::from(self.ssi.divider());
         self.clock.now_ps() + periods_ps(cycles, self.clock.hz())
     }
 
-    /// Goes on with the function that runs, if something is due.
+    /// Continues the running function, if a step is due.
     pub(super) fn service_rom(&mut self, now_ps: u64) {
         let Some(mut running) = self.rom_calls.running.take() else {
             return;
@@ -263,7 +263,7 @@ impl<P: Plant> SystemBus<P> {
     }
 }
 
-/// The larger unit that `flash_range_erase` may use; nothing where it is larger than the flash.
+/// Larger erase unit that `flash_range_erase` may use; `None` where it is larger than the flash.
 fn erased_block(block_size: u32, command: u32) -> Result<Option<FlashOperationKind>, Refusal> {
     if !block_size.is_power_of_two() || block_size < SECTOR as u32 {
         return Err(Refusal::Misuse(
@@ -273,7 +273,7 @@ fn erased_block(block_size: u32, command: u32) -> Result<Option<FlashOperationKi
     if block_size > SIZE as u32 {
         return Ok(None);
     }
-    // The argument is a byte; what stands above it in the register says nothing.
+    // The argument is a byte; the upper bits of the register are ignored.
     let kind = FlashOperationKind::of(command as u8);
     let is_right = |kind: &FlashOperationKind| {
         *kind != FlashOperationKind::ProgramPage && kind.bytes() == block_size

@@ -1,4 +1,4 @@
-//! Time on the bus: what is due is done, and what is due next is found.
+//! Time on the bus: processes due events and finds the next one.
 
 use ldc161x_sim::Time;
 
@@ -21,7 +21,7 @@ mod line {
 }
 
 impl<P: Plant> SystemBus<P> {
-    /// Does everything that is due, and finds out when something is due next.
+    /// Processes all due events, and finds the time of the next one.
     pub(crate) fn service(&mut self) {
         let now_ps = self.clock.now_ps();
         self.service_flash(now_ps);
@@ -43,7 +43,7 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
-    /// The flash ends what is due, and the function of the boot ROM that waits for it goes on.
+    /// Ends due operations of the flash, and continues the boot ROM's function that waits for them.
     fn service_flash(&mut self, now_ps: u64) {
         let flash = self.memory.flash.next_event();
         let due_ps = flash.into_iter().chain(self.rom_calls.next_event()).min();
@@ -54,7 +54,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Coil and trace see the old levels up to the wrap.
+    /// Coil and trace use the old levels up to the wrap.
     fn service_pwm(&mut self, now_ps: u64) {
         if self.trace.is_some() {
             let due_ps = self.pwm.due_ps().unwrap_or(now_ps);
@@ -66,13 +66,13 @@ impl<P: Plant> SystemBus<P> {
         self.pwm.service(now_ps);
     }
 
-    /// Lets what depends on what was written follow: pins, coil, interrupts.
+    /// Propagates a write: to pins, coil and interrupts.
     pub(super) fn settle(&mut self) {
         self.follow_pins();
         self.refresh();
     }
 
-    /// The interrupt lines, and when something is due next.
+    /// Updates the interrupt lines, and the time of the next event.
     pub(super) fn refresh(&mut self) {
         let now_ps = self.clock.now_ps();
         let lines = self.timer.lines() << line::TIMER
@@ -95,7 +95,7 @@ impl<P: Plant> SystemBus<P> {
         self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
     }
 
-    /// Lets what counts a clock follow the clock tree.
+    /// Updates all counters of clocks after a change of the clock tree.
     pub(super) fn follow_clocks(&mut self) {
         let now_ps = self.clock.now_ps();
         match self.clocks.sys_hz() {
@@ -120,19 +120,19 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Lets time pass without an instruction, up to the next event or a time.
+    /// Advances time without an instruction, to the next event or to a time.
     pub(crate) fn sleep(&mut self, until_ps: u64) {
         let until_ps = self.next_event_ps.min(until_ps);
         let cycles = self.clock.cycles_until(until_ps).max(1);
         self.clock.advance(cycles);
     }
 
-    /// Switches the processor to the clock of the boot ROM's loader (2.8.1, step of USB).
+    /// Switches the processor to the clock of the boot ROM's loader (2.8.1, USB step).
     pub(crate) fn set_boot_loader_clock(&mut self) {
         self.set_sys_clock(self.clock.now_ps(), BOOT_LOADER_HZ);
     }
 
-    /// The boot ROM's time, in which nothing of the firmware runs.
+    /// Advances through the boot ROM's time, in which no firmware runs.
     pub(crate) fn boot_delay(&mut self, delay: Time) {
         let end_ps = self.clock.now_ps() + delay.as_ps();
         while self.clock.now_ps() < end_ps {
@@ -156,7 +156,7 @@ mod tests {
     use crate::rp2040::power::block;
     use crate::stop::Stop;
 
-    /// Orders 1.15 V, lets a time pass, and switches to the system PLL at so many megahertz.
+    /// Sets the core voltage, waits, and switches to the system PLL at a frequency given by its feedback.
     fn switched(voltage: u32, settling: Time, feedback: u32) -> Option<Stop> {
         let wire = Wire::new(
             Chip::new(Default::default(), Still::new([3e6; 4])),
@@ -187,7 +187,7 @@ mod tests {
     fn a_clock_above_133_megahertz_needs_a_settled_core_voltage() {
         let settled = Time::from_us(1_001);
         assert_eq!(switched(0xC, settled, 100), None);
-        // 132 MHz, at 1.10 V and at once.
+        // 132 MHz, at 1.10 V and without a wait.
         assert_eq!(switched(0xB, Time::ZERO, 66), None);
         for (voltage, settling) in [(0xB, settled), (0xC, Time::from_us(999))] {
             let stop = switched(voltage, settling, 100);

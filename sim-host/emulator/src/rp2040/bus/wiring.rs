@@ -1,4 +1,4 @@
-//! What the board connects to which pin: converters, bridge and traces.
+//! Connections of the pins on the board: converters, bridge and traces.
 
 use ldc161x_sim::Time;
 
@@ -10,12 +10,12 @@ use crate::trace::{Signal, SignalValue};
 
 use super::SystemBus;
 
-/// Conversions that fill the ring of memory behind the ADC whatever its size: where no interrupt reads
-/// each of them, only the last ones are made.
+/// Number of conversions that fill the ring of memory behind the ADC at any of its sizes: where no
+/// interrupt reads each result, only the last ones are made.
 const LAST_CONVERSIONS: u64 = 16;
 
 impl<P: Plant> SystemBus<P> {
-    /// The pins that something outside drives from the start.
+    /// Drives the external pins at the start.
     pub(super) fn connect(&mut self) {
         for pin in [pin::INTB, pin::SECOND_INTB, pin::FAULT] {
             self.gpio.drive(pin, true);
@@ -23,7 +23,7 @@ impl<P: Plant> SystemBus<P> {
         self.gpio.drive(pin::VBUS, false);
     }
 
-    /// Lets the outside follow the pins, and the pins the outside.
+    /// Updates the outside from the pins, and the pins from the outside.
     pub(super) fn follow_pins(&mut self) {
         let now_ps = self.clock.now_ps();
         self.follow_interrupt(now_ps);
@@ -68,8 +68,8 @@ impl<P: Plant> SystemBus<P> {
         self.drive_interrupt(pin::SECOND_INTB, SECOND_EDGE_SLICE, high);
     }
 
-    /// Drives a pin whose falling edges a slice of the PWM counts, if the pin is its input B (2.19.2);
-    /// whether it falls.
+    /// Drives a pin whose falling edges a PWM slice counts, if the pin is its input B (2.19.2);
+    /// returns whether it falls.
     fn drive_interrupt(&mut self, pin: usize, slice: usize, high: bool) -> bool {
         if self.gpio.level(pin) == high {
             return false;
@@ -118,7 +118,7 @@ impl<P: Plant> SystemBus<P> {
 
     // ---- USB ----
 
-    /// A Raspberry Pi Pico shows VBUS at a pin (its datasheet, 2.1).
+    /// Updates the VBUS pin of the Raspberry Pi Pico (its datasheet, 2.1).
     fn follow_vbus(&mut self) {
         let high = self.usb.host.has_vbus();
         if self.gpio.level(pin::VBUS) != high {
@@ -144,8 +144,8 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Runs the coil's circuit with the ADC and its way into memory to a time, and reports the
-    /// current to the plant.
+    /// Runs the coil's circuit with the ADC and its DMA to a time, and reports the current to the
+    /// plant.
     pub(crate) fn run_coil(&mut self, now_ps: u64) {
         loop {
             let report_ps = self.coil.report_ps();
@@ -185,15 +185,16 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// An analogue voltage needs a pad without digital drivers and pulls (4.9, erratum RP2040-E6).
+    /// Checks that an analogue input has neither digital drivers nor pulls (4.9, erratum
+    /// RP2040-E6).
     fn check_analogue(&mut self) {
         if !pin::ANALOGUE.iter().all(|&pin| self.gpio.is_analogue(pin)) {
             self.fail("an analogue voltage at a pad with a digital driver or a pull");
         }
     }
 
-    /// Without the control interrupt the firmware does not read each result: those that others will
-    /// overwrite are not made.
+    /// Skips results that later ones will overwrite: without the control interrupt the firmware
+    /// does not read each result.
     fn skip_conversions(&mut self, now_ps: u64) {
         let waiting = self.adc.sampled_by(now_ps);
         let are_read = self.pwm.interrupts() || !self.adc.feeds_dma();
@@ -201,13 +202,13 @@ impl<P: Plant> SystemBus<P> {
             return;
         }
         let skipped = waiting - LAST_CONVERSIONS;
-        // At most a second's, at 500 000 a second.
+        // At most one second of conversions, at 500 000 per second.
         self.dma.skip(skipped as u32);
         self.adc.skip(skipped);
     }
 
-    /// A result into the FIFO, and on into memory. From a FIFO that asks without end DMA would take
-    /// hundreds until the next result; as many as fill any ring stand for them.
+    /// Stores a result in the FIFO, and on in memory. With a FIFO that always requests, DMA would
+    /// take hundreds of copies until the next result; here it takes as many as fill any ring.
     fn store_result(&mut self, code: u16) {
         self.adc.put_into_fifo(code);
         for _ in 0..LAST_CONVERSIONS {
@@ -237,7 +238,7 @@ impl<P: Plant> SystemBus<P> {
         trace.sample_pulses(now_ps, &self.gpio, &self.pwm);
     }
 
-    /// Traces the bridge's inputs up to a time, before anything changes them.
+    /// Traces the bridge's inputs up to a time, before they change.
     pub(super) fn trace_pulses(&mut self, until_ps: u64) {
         if let Some(trace) = &mut self.trace {
             trace.sample_pulses(until_ps, &self.gpio, &self.pwm);

@@ -6,27 +6,27 @@ use ldc161x_sim::Time;
 
 use crate::usb::wire::{Reply, Transaction, TransactionKind};
 
-/// Transactions without an answer after which a host gives a transfer up (USB 2.0 10.2.6).
+/// Unanswered transactions after which a host gives up a transfer (USB 2.0 10.2.6).
 pub(super) const SILENCES: u32 = 3;
-/// Longest time of a request (USB 2.0 9.2.6.1).
+/// Longest duration of a request (USB 2.0 9.2.6.1).
 const DEADLINE: Time = Time::from_ms(5_000);
 
-/// A transfer on endpoint 0: any setup packet, any data.
+/// A transfer on endpoint 0, with any setup packet and any data, valid or not.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ControlTransfer {
     /// bmRequestType, bRequest, wValue, wIndex, wLength (USB 2.0 9.3).
     pub setup: [u8; 8],
-    /// What the host sends if the request goes to the device. A right one has wLength bytes.
+    /// Host data of a request to the device. A valid request has wLength bytes.
     pub data: Vec<u8>,
-    /// Bytes after which the host ends the data stage of a request from the device. A right one
-    /// has wLength.
+    /// Number of bytes after which the host ends the data stage of a request from the device;
+    /// wLength in a valid request.
     pub read_limit: usize,
-    /// From the first setup packet to the end.
+    /// Longest time from the first setup packet to the end.
     pub deadline: Time,
 }
 
 impl ControlTransfer {
-    /// A setup packet alone, or with data from the device: as many bytes as wLength says.
+    /// A setup packet alone, or with wLength bytes of data from the device.
     #[must_use]
     pub const fn new(setup: [u8; 8]) -> Self {
         Self {
@@ -56,25 +56,25 @@ impl ControlTransfer {
     }
 }
 
-/// How a control transfer ended.
+/// Outcome of a control transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ControlOutcome {
-    /// Well, with these data of the device.
+    /// Success, with the device's data.
     Done(Vec<u8>),
     /// The device refused the request.
     Stalled,
-    /// It was not over at its deadline.
+    /// Not complete at its deadline.
     TimedOut,
     /// Three transactions in a row had no answer.
     Silent,
-    /// Reset, suspend or unplugging came first.
+    /// Cancelled by a reset, a suspend or unplugging.
     Cancelled,
     /// The device broke a rule of USB.
     Broken(&'static str),
 }
 
 impl ControlOutcome {
-    /// The data of a transfer that ended well.
+    /// Data of a successful transfer.
     #[must_use]
     pub fn data(&self) -> Option<&[u8]> {
         match self {
@@ -108,7 +108,7 @@ enum Stage {
     StatusOut,
 }
 
-/// A transfer under way.
+/// A transfer in progress.
 #[derive(Clone, Debug)]
 pub(super) struct ControlProgress {
     pub(super) transfer: ControlTransfer,
@@ -133,7 +133,7 @@ impl ControlProgress {
         }
     }
 
-    /// What the host sends next to an endpoint 0 with packets of `largest` bytes.
+    /// Next packet of the host to an endpoint 0 with packets of `largest` bytes.
     pub(super) fn next(&self, address: u8, largest: usize) -> Transaction {
         let kind = match self.stage {
             Stage::Setup => TransactionKind::Setup(self.transfer.setup),
@@ -160,7 +160,7 @@ impl ControlProgress {
         data.get(self.sent..end).unwrap_or_default()
     }
 
-    /// Takes the device's answer; returns how the transfer ended, if it did.
+    /// Handles the device's answer; returns the outcome if the transfer has ended.
     pub(super) fn take(&mut self, reply: &Reply, largest: usize) -> Option<ControlOutcome> {
         self.silences = match reply {
             Reply::Silence => self.silences + 1,

@@ -1,25 +1,25 @@
-//! The questions that a PC asks a device before it uses it, in their order (USB 2.0 9.1.2, 9.4).
+//! Enumeration requests of a PC to a device, in order (USB 2.0 9.1.2, 9.4).
 
 use std::fmt;
 
 use super::control::{ControlOutcome, ControlTransfer};
 use crate::usb::description::{UsbDescription, kind};
 
-/// The address that the device gets.
+/// Address that the device is assigned.
 const ADDRESS: u8 = 5;
-/// bcdUSB from which on a device has a BOS descriptor (USB 3.2 9.6.2).
+/// Least bcdUSB of a device with a BOS descriptor (USB 3.2 9.6.2).
 const WITH_BOS: u16 = 0x0201;
-/// wLength of a request for a string: the longest descriptor.
+/// wLength of a string request: the longest descriptor.
 const STRING_LENGTH: u16 = 255;
 /// 115 200 bit/s, one stop bit, no parity, eight bits (PSTN 1.2 table 17).
 const LINE_CODING: [u8; 7] = [0x00, 0xC2, 0x01, 0x00, 0, 0, 8];
 
-/// Why a device could not be enumerated: the question and how it ended.
+/// Failure of an enumeration: the request and its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EnumerationFailure {
-    /// What the host asked.
+    /// Request of the host.
     pub request: &'static str,
-    /// What became of it.
+    /// Outcome of the request.
     pub outcome: ControlOutcome,
 }
 
@@ -50,7 +50,7 @@ enum Step {
     Done,
 }
 
-/// What the host does next.
+/// Next action of the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     Transfer(ControlTransfer),
@@ -58,7 +58,7 @@ pub(super) enum Request {
     Done,
 }
 
-/// An enumeration under way.
+/// An enumeration in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Enumeration {
     step: Step,
@@ -67,7 +67,7 @@ pub(super) struct Enumeration {
 }
 
 impl Enumeration {
-    /// It begins with a request of the device descriptor of this length.
+    /// Starts with a request for the device descriptor of this length.
     pub(super) fn new(first_length: u16) -> Self {
         Self {
             step: Step::FirstDevice,
@@ -76,7 +76,7 @@ impl Enumeration {
         }
     }
 
-    /// What the host does now.
+    /// Next action of the host.
     pub(super) fn request(&self) -> Request {
         let get = |kind, index, length| Request::Transfer(get_descriptor(kind, index, 0, length));
         let set = |setup| Request::Transfer(ControlTransfer::new(setup));
@@ -116,14 +116,14 @@ impl Enumeration {
         self.found.cdc().map_or(0, |cdc| cdc.control_interface)
     }
 
-    /// The port has been reset again.
+    /// Handles a second reset of the port.
     pub(super) fn was_reset(&mut self) {
         if self.step == Step::Reset {
             self.step = Step::Address;
         }
     }
 
-    /// Takes how the present request ended.
+    /// Handles the outcome of the present request.
     pub(super) fn answer(&mut self, outcome: ControlOutcome) -> Result<(), EnumerationFailure> {
         if self.step == Step::Qualifier {
             self.found.refused_qualifier = outcome == ControlOutcome::Stalled;
@@ -144,7 +144,7 @@ impl Enumeration {
         Ok(())
     }
 
-    /// The present request ended like this.
+    /// Failure of the present request with this outcome.
     pub(super) fn failure(&self, outcome: ControlOutcome) -> EnumerationFailure {
         EnumerationFailure {
             request: self.name(),
@@ -152,7 +152,7 @@ impl Enumeration {
         }
     }
 
-    /// The step that follows these data; nothing if they are too short.
+    /// Step after these data; `None` if they are too short.
     fn after(&mut self, data: Vec<u8>) -> Option<Step> {
         Some(match self.step {
             Step::FirstDevice if data.len() >= 8 => Step::Reset,

@@ -1,8 +1,8 @@
 //! The host: a PC's root port at full speed, in virtual time.
 //!
-//! A frame begins every millisecond with its SOF. Within it, control, interrupt and bulk transactions
-//! take turns, each with its time on the wire. After a NAK an endpoint is asked again in its next turn,
-//! and after a number of them in the next frame.
+//! A frame starts every millisecond with its SOF. Within it, control, interrupt and bulk
+//! transactions take turns, each with its time on the wire. After a NAK an endpoint is polled again
+//! in its next turn, and after a number of NAKs in the next frame.
 
 mod control;
 mod enumeration;
@@ -24,30 +24,30 @@ use super::wire::{
     FRAME_PS, LARGEST_PACKET, Reply, Transaction, end_of_frame_ps, start_of_frame_ps, token_ps,
 };
 
-/// From an attached device to its reset (USB 2.0 7.1.7.3, at least).
+/// Time from attachment of a device to its reset (USB 2.0 7.1.7.3, minimum).
 const DEBOUNCE: Time = Time::from_ms(100);
-/// A reset (USB 2.0 7.1.7.5, at least).
+/// Duration of a reset (USB 2.0 7.1.7.5, minimum).
 const RESET: Time = Time::from_ms(10);
-/// After a reset a device needs not answer for so long (USB 2.0 7.1.7.5).
+/// Time after a reset in which a device need not answer (USB 2.0 7.1.7.5).
 const RESET_RECOVERY: Time = Time::from_ms(10);
-/// A resume, and what a device may take after it (USB 2.0 7.1.7.7).
+/// Duration of a resume, and the device's recovery time after it (USB 2.0 7.1.7.7).
 const RESUME: Time = Time::from_ms(20);
 const RESUME_RECOVERY: Time = Time::from_ms(10);
-/// After SET_ADDRESS (USB 2.0 9.2.6.3).
+/// Recovery time after SET_ADDRESS (USB 2.0 9.2.6.3).
 const ADDRESS_RECOVERY: Time = Time::from_ms(2);
 /// Sizes of endpoint 0's packets (USB 2.0 9.6.1).
 const CONTROL_PACKETS: [usize; 4] = [8, 16, 32, 64];
 
-/// In what one PC differs from another.
+/// Differences between PCs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UsbHostSettings {
     /// wLength of the first request for the device descriptor: 64 as Linux and Windows ask, or 8.
     pub first_request: u16,
-    /// NAKs of an endpoint, without anything else from it, after which it is left alone for the rest
-    /// of the frame. Host controllers differ; guess.
+    /// Number of NAKs of an endpoint, without any other answer, after which it is not polled for
+    /// the rest of the frame. Host controllers differ; guess.
     pub naks_per_frame: u32,
-    /// A control transfer is given up within a frame, and the next one begins in it; otherwise with the next
-    /// frame.
+    /// Whether a control transfer is given up within a frame, so that the next one starts in that
+    /// frame; otherwise it starts in the next frame.
     pub gives_up_within_frame: bool,
 }
 
@@ -61,32 +61,32 @@ impl Default for UsbHostSettings {
     }
 }
 
-/// Where the host is with the device (USB 2.0 9.1.1, and before it).
+/// State of the host with the device (USB 2.0 9.1.1, and before it).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UsbState {
     /// No cable.
     Unplugged,
-    /// VBUS, and no device that shows itself.
+    /// VBUS, without a visible device.
     Powered,
-    /// A device shows itself; its contacts may still bounce.
+    /// A device is visible; its contacts may still bounce.
     Attached,
     /// The bus is being reset.
     Resetting,
     /// The device has address 0.
     Default,
-    /// It has an address of its own.
+    /// The device has its own address.
     Addressed,
-    /// It has a configuration.
+    /// The device is configured.
     Configured,
-    /// The bus is suspended, or being resumed.
+    /// The bus is suspended or resuming.
     Suspended,
 }
 
-/// The number of a submitted control transfer.
+/// Identifier of a submitted control transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TransferId(u32);
 
-/// What has passed since the host was made.
+/// Counts since the creation of the host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UsbCounts {
     /// Starts of frame.
@@ -97,7 +97,7 @@ pub struct UsbCounts {
     pub refused: u64,
     /// Transactions without an answer.
     pub silent: u64,
-    /// Packets of the device that came twice.
+    /// Repeated packets of the device.
     pub repeated: u64,
 }
 
@@ -122,14 +122,14 @@ enum Action {
     Enumerate,
 }
 
-/// Who asked for a control transfer.
+/// Origin of a control transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Origin {
     Caller(TransferId),
     Enumeration,
 }
 
-/// Whose turn it is.
+/// Turn of a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
     Control,
@@ -159,7 +159,7 @@ impl Pipes {
     }
 }
 
-/// A transaction on the wire.
+/// A transaction in transmission.
 #[derive(Clone, Debug)]
 struct Flight {
     turn: Turn,
@@ -168,19 +168,19 @@ struct Flight {
     end_ps: u64,
 }
 
-/// The host at the other end of the USB cable. What is ordered begins with the next step of the
-/// board. A clone is a snapshot.
+/// The host at the other end of the USB cable. Orders take effect with the next step of the board.
+/// A clone is a snapshot.
 #[derive(Clone, Debug)]
 pub struct UsbHost {
     settings: UsbHostSettings,
     actions: VecDeque<Action>,
     port: Port,
     port_due_ps: Option<u64>,
-    /// The end of the next start of frame, while there are frames.
+    /// End of the next start of frame, while frames run.
     frame_due_ps: Option<u64>,
-    /// When the next token ends, if something waits to be sent.
+    /// End of the next token, if anything is queued.
     token_due_ps: Option<u64>,
-    /// No transaction begins before.
+    /// Earliest start of the next transaction.
     quiet_ps: u64,
     flight: Option<Flight>,
     address: u8,
@@ -192,7 +192,7 @@ pub struct UsbHost {
     submitted: u32,
     pipes: Option<Pipes>,
     last_turn: usize,
-    /// NAKs of this frame, by turn.
+    /// NAKs in this frame, by turn.
     naks: [u32; TURNS.len()],
     outgoing: VecDeque<u8>,
     incoming: Vec<u8>,
@@ -236,48 +236,48 @@ impl UsbHost {
 
     // ---- orders ----
 
-    /// What may differ between PCs, to change.
+    /// Differences between PCs, to change.
     pub const fn settings_mut(&mut self) -> &mut UsbHostSettings {
         &mut self.settings
     }
 
-    /// Plugs the cable: VBUS comes, and a device that shows itself is reset after 100 ms. Nothing is
-    /// asked of it before [`enumerate`](Self::enumerate) or [`submit`](Self::submit).
+    /// Plugs the cable: VBUS rises, and a visible device is reset after 100 ms. No request is sent
+    /// before [`enumerate`](Self::enumerate) or [`submit`](Self::submit).
     pub fn plug(&mut self) {
         self.actions.push_back(Action::Plug);
     }
 
-    /// Pulls the cable, whatever is under way.
+    /// Unplugs the cable, in any state.
     pub fn unplug(&mut self) {
         self.actions.push_back(Action::Unplug);
     }
 
-    /// Resets the bus for 10 ms, whatever is under way; without a device it does nothing. A host that
-    /// enumerates does so again.
+    /// Resets the bus for 10 ms, in any state; no effect without a device. A host that enumerates
+    /// does so again.
     pub fn reset(&mut self) {
         self.actions.push_back(Action::Reset);
     }
 
-    /// Lets the bus go idle, whatever is under way.
+    /// Suspends the bus, in any state.
     pub fn suspend(&mut self) {
         self.actions.push_back(Action::Suspend);
     }
 
-    /// Resumes a suspended bus: 20 ms, and 10 ms more before anything is asked.
+    /// Resumes a suspended bus: 20 ms, and 10 ms more before any request.
     pub fn resume(&mut self) {
         self.actions.push_back(Action::Resume);
     }
 
-    /// Enumerates the device as a PC does, now and each time it shows itself again: its descriptors
-    /// and strings, an address, a configuration, and for a serial port line coding and DTR. See
-    /// [`enumerated`](Self::enumerated).
+    /// Enumerates the device as a PC does, now and each time it becomes visible again: its
+    /// descriptors and strings, an address, a configuration, and for a serial port line coding and
+    /// DTR. See [`enumerated`](Self::enumerated).
     pub fn enumerate(&mut self) {
         self.actions.push_back(Action::Enumerate);
     }
 
-    /// Appends a control transfer to the queue, which waits while a device is enumerated. Its result
-    /// comes with [`take_results`](Self::take_results). The host follows a SET_ADDRESS, a
-    /// SET_CONFIGURATION and a CLEAR_FEATURE that it sends.
+    /// Appends a control transfer to the queue, which waits during an enumeration.
+    /// [`take_results`](Self::take_results) returns its result. The host takes account of a
+    /// SET_ADDRESS, a SET_CONFIGURATION and a CLEAR_FEATURE that it sends.
     pub fn submit(&mut self, transfer: ControlTransfer) -> TransferId {
         let id = TransferId(self.submitted);
         self.submitted += 1;
@@ -285,27 +285,27 @@ impl UsbHost {
         id
     }
 
-    /// Submits a change of DTR and RTS; nothing without a serial port.
+    /// Submits a change of DTR and RTS; `None` without a serial port.
     pub fn set_dtr(&mut self, is_open: bool) -> Option<TransferId> {
         let interface = self.description()?.cdc()?.control_interface;
         Some(self.submit(line_state(interface, is_open)))
     }
 
-    /// Appends bytes for the serial port. They wait until the device is configured, and are lost
-    /// when it is reset or unplugged.
+    /// Appends bytes for the serial port. They wait until the device is configured; a reset or
+    /// unplugging loses them.
     pub fn write(&mut self, bytes: &[u8]) {
         self.outgoing.extend(bytes);
     }
 
-    /// Whether a program on the PC reads from the serial port. If not, the device is not polled, and
-    /// its buffers fill. It does from the start.
+    /// Sets whether a program on the PC reads from the serial port. If not, the device is not
+    /// polled, and its buffers fill. Initially it reads.
     pub const fn set_reading(&mut self, reading: bool) {
         self.reading = reading;
     }
 
-    // ---- what it knows ----
+    // ---- state and results ----
 
-    /// Where it is with the device.
+    /// State of the host with the device.
     #[must_use]
     pub const fn state(&self) -> UsbState {
         match self.port {
@@ -320,35 +320,35 @@ impl UsbHost {
         }
     }
 
-    /// What the last enumeration found, or why it failed; nothing before its end.
+    /// Description from the last enumeration, or its failure; `None` before its end.
     #[must_use]
     pub const fn enumerated(&self) -> Option<&Result<UsbDescription, EnumerationFailure>> {
         self.enumerated.as_ref()
     }
 
-    /// What the last enumeration found.
+    /// Description from the last successful enumeration.
     #[must_use]
     pub fn description(&self) -> Option<&UsbDescription> {
         self.enumerated.as_ref()?.as_ref().ok()
     }
 
-    /// The control transfers that have ended since the last call, in the order of their ends.
+    /// Control transfers that have ended since the last call, in order.
     pub fn take_results(&mut self) -> Vec<(TransferId, ControlOutcome)> {
         std::mem::take(&mut self.results)
     }
 
-    /// The bytes that the serial port has brought since the last call.
+    /// Bytes received from the serial port since the last call.
     pub fn read(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.incoming)
     }
 
-    /// How many bytes for the serial port the device has not taken yet.
+    /// Number of bytes for the serial port that the device has not accepted yet.
     #[must_use]
     pub fn unwritten(&self) -> usize {
         self.outgoing.len()
     }
 
-    /// The endpoints of the serial port that have stalled or do not answer, by address.
+    /// Endpoints of the serial port that have stalled or do not answer, by address.
     #[must_use]
     pub fn halted(&self) -> Vec<u8> {
         let mut pipes = self.pipes.clone();
@@ -357,13 +357,13 @@ impl UsbHost {
         halted.map(|pipe| pipe.endpoint.address).collect()
     }
 
-    /// What has passed on the bus.
+    /// Counts of the bus.
     #[must_use]
     pub const fn counts(&self) -> UsbCounts {
         self.counts
     }
 
-    /// Whether the cable brings VBUS.
+    /// Whether the cable supplies VBUS.
     pub(crate) fn has_vbus(&self) -> bool {
         self.port != Port::Unplugged
     }
@@ -380,7 +380,7 @@ impl UsbHost {
         due.into_iter().flatten().min()
     }
 
-    /// Does what is due at a time.
+    /// Processes events that are due.
     pub(super) fn service(&mut self, device: &mut UsbController, now_ps: u64) {
         let is_due = |due_ps: &mut u64| *due_ps <= now_ps;
         if self.port_due_ps.take_if(is_due).is_some() {
@@ -397,7 +397,7 @@ impl UsbHost {
         }
     }
 
-    /// Carries out what was ordered.
+    /// Executes pending orders.
     pub(super) fn act(&mut self, device: &mut UsbController, now_ps: u64) {
         while let Some(action) = self.actions.pop_front() {
             self.perform(action, device, now_ps);
@@ -438,7 +438,7 @@ impl UsbHost {
         }
     }
 
-    /// A reset after which the enumeration begins anew.
+    /// Resets the bus and restarts the enumeration.
     fn reset_again(&mut self, device: &mut UsbController, now_ps: u64) {
         self.cancel();
         self.enumerated = None;
@@ -448,7 +448,7 @@ impl UsbHost {
 
     // ---- the port ----
 
-    /// Takes notice of a device that shows itself, goes, or wakes the host.
+    /// Detects a device that appears, disappears or wakes the host.
     pub(super) fn follow(&mut self, device: &mut UsbController, now_ps: u64) {
         let wakes = device.take_wake();
         match (self.port, device.is_attached()) {
@@ -481,7 +481,7 @@ impl UsbHost {
         self.port_due_ps = None;
     }
 
-    /// What any reset takes from the host.
+    /// Clears the host's state of the device, as any reset does.
     fn forget_device(&mut self) {
         self.stop_frames();
         self.address = 0;
@@ -495,7 +495,7 @@ impl UsbHost {
         self.flight = None;
     }
 
-    /// Ends the control transfer that is under way, and an enumeration.
+    /// Cancels the present control transfer, and an enumeration.
     fn cancel(&mut self) {
         if let Some(enumeration) = self.enumeration.take() {
             let failure = enumeration.failure(ControlOutcome::Cancelled);
@@ -537,7 +537,7 @@ impl UsbHost {
         }
     }
 
-    /// Frames begin; transactions follow after a time.
+    /// Starts frames; transactions follow after a recovery time.
     fn enable(&mut self, now_ps: u64, recovery: Time) {
         self.port = Port::Enabled;
         self.frame_due_ps = Some(now_ps + start_of_frame_ps());
@@ -609,7 +609,8 @@ impl UsbHost {
         }
     }
 
-    /// Begins a token if the wire is free; whether there is something to send is seen at its end.
+    /// Starts a token if the wire is free; whether there is something to send is decided at its
+    /// end.
     fn look_for_work(&mut self, now_ps: u64) {
         if self.port == Port::Enabled && self.flight.is_none() && self.token_due_ps.is_none() {
             let begin_ps = now_ps.max(self.quiet_ps);
@@ -642,7 +643,7 @@ impl UsbHost {
         });
     }
 
-    /// What is sent next, each endpoint in its turn.
+    /// Next transaction, with the endpoints in turn.
     fn next_transaction(&mut self, now_ps: u64) -> Option<(Turn, Transaction)> {
         self.next_control(now_ps);
         (1..=TURNS.len()).find_map(|step| {
@@ -655,7 +656,7 @@ impl UsbHost {
         })
     }
 
-    /// While a device is enumerated, only that is asked.
+    /// Queues the next control transfer; during an enumeration only its requests.
     fn next_control(&mut self, now_ps: u64) {
         let enumerates = self.enumeration.is_some();
         let may_begin =
@@ -782,7 +783,7 @@ impl UsbHost {
         }
     }
 
-    /// The host's own part of a standard request (USB 2.0 9.4).
+    /// Applies the host's side of a standard request (USB 2.0 9.4).
     fn follow_request(&mut self, setup: [u8; 8], data: &[u8], now_ps: u64) {
         let [kind, request, value, value_high, index, ..] = setup;
         match (kind, request) {

@@ -1,19 +1,19 @@
-//! A pipe of bulk or interrupt packets: data toggle and refusals (USB 2.0 8.5.2, 8.6).
+//! A pipe of bulk or interrupt packets: data toggle, NAKs and halts (USB 2.0 8.5.2, 8.6).
 
 use super::control::SILENCES;
 use crate::usb::description::UsbEndpoint;
 use crate::usb::wire::{Reply, Transaction, TransactionKind};
 
-/// What an endpoint's answer means to its pipe.
+/// Effect of an endpoint's answer on its pipe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// NAK or nothing: once more, later.
+    /// NAK or no answer: repeat later.
     Refused,
-    /// The packet of the host was taken.
+    /// The device accepted the host's packet.
     Sent,
     /// A packet of the device, in sequence.
     Received(Vec<u8>),
-    /// A packet that came before; it is dropped (8.6.4).
+    /// A repeated packet; it is dropped (8.6.4).
     Repeated,
 }
 
@@ -22,11 +22,11 @@ pub(super) enum Progress {
 pub(super) struct Pipe {
     pub(super) endpoint: UsbEndpoint,
     data1: bool,
-    /// Answers that did not come, in a row.
+    /// Number of missing answers in a row.
     silences: u32,
-    /// The endpoint has stalled, or does not answer: nothing is sent to it.
+    /// Whether the endpoint has stalled or does not answer: nothing is sent to it.
     pub(super) halted: bool,
-    /// The frame from which on it is polled again, if it is an interrupt endpoint.
+    /// Frame of the next poll, for an interrupt endpoint.
     pub(super) polled_from: u64,
 }
 
@@ -41,7 +41,7 @@ impl Pipe {
         }
     }
 
-    /// After the device was configured anew, or its halt was cleared: DATA0 (USB 2.0 9.4.5).
+    /// Restarts with DATA0 after a new configuration or a cleared halt (USB 2.0 9.4.5).
     pub(super) fn restart(&mut self) {
         *self = Self::new(self.endpoint);
     }
@@ -51,7 +51,7 @@ impl Pipe {
         usize::from(self.endpoint.largest_packet)
     }
 
-    /// A transaction that sends these bytes, or asks for some if there are none.
+    /// Transaction that sends these bytes, or requests data for `None`.
     pub(super) fn next(&self, address: u8, data: Option<Vec<u8>>) -> Transaction {
         let kind = match data {
             Some(data) => TransactionKind::Out {
@@ -67,7 +67,7 @@ impl Pipe {
         }
     }
 
-    /// Takes the endpoint's answer.
+    /// Handles the endpoint's answer.
     pub(super) fn take(&mut self, reply: Reply) -> Progress {
         self.silences = match reply {
             Reply::Silence => self.silences + 1,

@@ -1,4 +1,4 @@
-//! Controller and host on a bench, with what a driver does to registers.
+//! A test bench of controller and host, with register accesses of a driver.
 
 use ldc161x_sim::Time;
 
@@ -25,7 +25,7 @@ pub(super) const INTERRUPTS: u32 = 0x98;
 pub(super) const SETUP: u32 = 1 << 17;
 pub(super) const RESET: u32 = 1 << 19;
 
-/// An access of the processor takes longer than a period of clk_usb here.
+/// Duration of a processor access; here it is longer than a period of clk_usb.
 const ACCESS_PS: u64 = 30_000;
 
 /// A program on the processor, called while the interrupt line is high.
@@ -53,7 +53,7 @@ impl UsbTestBench {
         Self { usb, now_ps: 0 }
     }
 
-    /// With a device whose pull-up is on.
+    /// A bench with a device whose pull-up is on.
     pub(super) fn attached() -> Self {
         let mut bench = Self::new();
         bench.write(MUXING, 0b1001);
@@ -107,7 +107,7 @@ impl UsbTestBench {
         }
     }
 
-    /// Lets time pass up to the next event or to `end_ps`.
+    /// Advances to the next event or to `end_ps`.
     pub(super) fn step(&mut self, end_ps: u64) {
         let next_ps = self.usb.next_event().unwrap_or(u64::MAX);
         self.now_ps = self.now_ps.max(next_ps.min(end_ps));
@@ -125,7 +125,7 @@ impl UsbTestBench {
         }
     }
 
-    /// Runs until something is true.
+    /// Runs until a condition is true.
     pub(super) fn run_until(
         &mut self,
         program: &mut impl Program,

@@ -1,4 +1,4 @@
-//! The classes of `usb-device` and `usbd-serial` through the emulated registers and host.
+//! The classes of `usb-device` and `usbd-serial` on the emulated registers and host.
 
 use std::sync::{Arc, Mutex};
 
@@ -24,9 +24,9 @@ struct Endpoint {
 
 #[derive(Default)]
 struct Inner {
-    /// By number and direction, as the buffer control words are.
+    /// By number and direction, like the buffer control words.
     endpoints: [Option<Endpoint>; 32],
-    /// A setup packet has been reported and not been read.
+    /// Whether a setup packet has been reported and not yet read.
     has_setup: bool,
 }
 
@@ -40,7 +40,7 @@ fn index_of(address: EndpointAddress) -> u32 {
     2 * address.index() as u32 + u32::from(address.is_out())
 }
 
-/// Where an endpoint's buffer is.
+/// Address of an endpoint's buffer.
 fn buffer_of(index: u32) -> u32 {
     if index < 2 { 0x100 } else { 0x180 + 64 * index }
 }
@@ -51,7 +51,7 @@ impl Registers {
         run(&mut bench, &mut self.inner.lock().unwrap())
     }
 
-    /// Makes a buffer ready to be filled, with the other PID than the last one.
+    /// Makes a buffer ready to receive, with the PID opposite to the last one.
     fn receive(bench: &mut UsbTestBench, index: u32, largest: u16) {
         let pid = !bench.half(index, 0) & buffer::DATA1;
         bench.arm(index, 0, pid | largest);
@@ -94,7 +94,7 @@ impl UsbBus for Registers {
             bench.write(0x00, 0);
             for (index, endpoint) in (0..).zip(inner.endpoints) {
                 let Some(endpoint) = endpoint else { continue };
-                // What follows next is DATA0.
+                // The next packet is DATA0.
                 bench.set_word(0x80 + 4 * index, u32::from(buffer::DATA1));
                 if index >= 2 {
                     let kind = if endpoint.kind == EndpointType::Bulk {
@@ -137,7 +137,7 @@ impl UsbBus for Registers {
                 bytes[..8].copy_from_slice(&packet);
                 bench.write(STATUS, SETUP);
                 bench.write(BUFFERS, 0b10);
-                // What follows in both directions is DATA1.
+                // The next packets in both directions are DATA1.
                 let in_half = bench.half(0, 0) & !buffer::DATA1 & !buffer::AVAILABLE;
                 bench.set_word(0x80, in_half.into());
                 bench.set_word(0x84, 0);
@@ -224,7 +224,7 @@ impl UsbBus for Registers {
     }
 }
 
-/// A serial port that sends back what it gets.
+/// A serial port that echoes.
 struct Echo<'a> {
     device: UsbDevice<'a, Registers>,
     port: SerialPort<'a, Registers>,
@@ -249,7 +249,7 @@ impl Echo<'_> {
     }
 }
 
-/// Lets virtual time pass, with the device polled at its interrupts and every millisecond.
+/// Advances virtual time, and polls the device at its interrupts and every millisecond.
 fn run(bench: &Mutex<UsbTestBench>, time: Time, echo: &mut Echo<'_>) {
     let end_ps = bench.lock().unwrap().now_ps + time.as_ps();
     loop {
@@ -300,7 +300,7 @@ fn with_port(largest_control: u8, test: impl FnOnce(&Mutex<UsbTestBench>, &mut E
         port,
         waiting: Vec::new(),
     };
-    // The allocator has enabled it with the first poll.
+    // The allocator has enabled it at the first poll.
     echo.poll();
     test(&bench, &mut echo);
 }
@@ -408,7 +408,7 @@ fn usbd_serial_refuses_what_it_does_not_know_and_goes_on() {
                     .wrapping_add(1);
                 *byte = (state >> 56) as u8;
             }
-            // What the host follows itself is left out, and so are long data.
+            // Requests that the host itself acts on are left out, and so are long data.
             setup[0] |= 0x40;
             setup[7] = 0;
             let transfer = ControlTransfer {

@@ -1,4 +1,4 @@
-//! A small device by hand: a serial port that sends back what it gets.
+//! A small hand-written device: a serial port that echoes.
 
 use std::collections::VecDeque;
 
@@ -11,8 +11,8 @@ pub(crate) const DEVICE: [u8; 18] = [
     18, 1, 0x00, 0x02, 0xEF, 2, 1, 64, 0x09, 0x12, 0x01, 0x00, 0x00, 0x01, 1, 2, 3, 1,
 ];
 
-/// Association, control interface with its four functional descriptors and a notification
-/// endpoint, data interface with its two endpoints, an interface of the vendor.
+/// Association, control interface with its four functional descriptors and a notification endpoint,
+/// data interface with its two endpoints, a vendor-specific interface.
 pub(crate) const CONFIGURATION: [u8; 84] = [
     9, 2, 84, 0, 3, 1, 0, 0x80, 50, //
     8, 11, 0, 2, 2, 2, 0, 0, //
@@ -31,7 +31,7 @@ pub(crate) const CONFIGURATION: [u8; 84] = [
 /// IN and OUT of endpoint 2.
 pub(super) const INPUT: u32 = 4;
 pub(super) const OUTPUT: u32 = 5;
-/// Their buffers.
+/// Buffers of endpoint 2.
 pub(super) const INPUT_BUFFER: u32 = 0x200;
 pub(super) const OUTPUT_BUFFER: u32 = 0x280;
 
@@ -48,18 +48,18 @@ fn string(index: u8) -> Option<Vec<u8>> {
     Some([vec![units.len() as u8 + 2, 3], units].concat())
 }
 
-/// What the device does about its data endpoints.
+/// Handling of the data endpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Data {
-    /// It sends back what it gets.
+    /// Echoes all data.
     Echo,
-    /// It leaves them to the test.
+    /// Leaves them to the test.
     Untouched,
 }
 
 pub(super) struct Device {
     data: Data,
-    /// What endpoint 0 sends next, packet by packet.
+    /// Next packets of endpoint 0.
     answer: VecDeque<Vec<u8>>,
     address: Option<u8>,
     in_data1: bool,
@@ -69,9 +69,9 @@ pub(super) struct Device {
     pub(super) resets: u32,
     pub(super) setups: Vec<[u8; 8]>,
     pub(super) received: Vec<u8>,
-    /// What arrived in data stages.
+    /// Data received in data stages.
     pub(super) control_data: Vec<u8>,
-    /// Requests that it never answers, by bRequest.
+    /// Request that it never answers, by bRequest.
     pub(super) deaf_to: Option<u8>,
     left_of_data: usize,
 }
@@ -94,7 +94,7 @@ impl Device {
         }
     }
 
-    /// Enables the interrupts that it handles.
+    /// Enables the handled interrupts.
     pub(super) fn listen(bench: &mut UsbTestBench) {
         bench.write(ENABLE, 1 << 4 | 1 << 12 | 1 << 16);
     }
@@ -156,7 +156,7 @@ impl Device {
                 Some(Vec::new())
             }
             (0x21, 0x22, _) => Some(Vec::new()),
-            // Of the vendor: so many bytes.
+            // Vendor request: returns `packet[2]` bytes.
             (0xC0, 1, _) => Some((0..packet[2]).collect()),
             _ => None,
         }
@@ -222,7 +222,7 @@ impl Device {
     }
 }
 
-/// Endpoint 0 refuses in both directions.
+/// Stalls endpoint 0 in both directions.
 fn stall(bench: &mut UsbTestBench) {
     bench.write(STALL_ARM, 0b11);
     for index in [0, 1] {

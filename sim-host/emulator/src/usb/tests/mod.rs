@@ -17,7 +17,7 @@ use super::{ControlOutcome, ControlTransfer, UsbState};
 
 const DEVICE_DESCRIPTOR: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
 
-/// The device at address 0.
+/// A bench with the device at address 0.
 fn plugged(data: Data) -> (UsbTestBench, Device) {
     let mut device = Device::new(data);
     let mut bench = UsbTestBench::attached();
@@ -27,7 +27,7 @@ fn plugged(data: Data) -> (UsbTestBench, Device) {
     (bench, device)
 }
 
-/// The device configured.
+/// A bench with the device configured.
 fn configured(data: Data) -> (UsbTestBench, Device) {
     let (mut bench, mut device) = plugged(data);
     bench.usb.host.enumerate();
@@ -36,7 +36,7 @@ fn configured(data: Data) -> (UsbTestBench, Device) {
     (bench, device)
 }
 
-/// Submits a transfer and waits for its end.
+/// Submits a transfer and returns its outcome.
 fn ask(bench: &mut UsbTestBench, device: &mut Device, transfer: ControlTransfer) -> ControlOutcome {
     let id = bench.usb.host.submit(transfer);
     let end_ps = bench.now_ps + Time::from_ms(6_000).as_ps();
@@ -106,14 +106,14 @@ fn a_device_is_enumerated_with_all_that_it_says() {
     assert_eq!((cdc.control_interface, cdc.data_interface), (0, 1));
     assert_eq!((cdc.input.address, cdc.output.address), (0x82, 0x02));
     assert_eq!(cdc.notification.unwrap().interval, 16);
-    // Before it, after the first question.
+    // Before the enumeration, and after its first request.
     assert_eq!(device.resets, 3);
     assert_eq!(device.control_data, [0x00, 0xC2, 0x01, 0x00, 0, 0, 8]);
     assert_eq!(device.setups.last(), Some(&[0x21, 0x22, 3, 0, 0, 0, 0, 0]));
     assert_eq!(bench.usb.races(), 0);
 }
 
-/// Erratum E15: a bulk packet of the last fifth of a frame, that the host asks for in it.
+/// Erratum E15: a bulk packet armed in the last fifth of a frame and requested in that frame.
 #[test]
 fn a_bulk_packet_that_meets_the_end_of_a_frame_hangs_the_controller() {
     for (armed_us, asked_us, hangs) in [
@@ -141,7 +141,7 @@ fn a_bulk_packet_that_meets_the_end_of_a_frame_hangs_the_controller() {
         }
         let reply = bench.usb.controller.begin(&transaction, at_ps(asked_us));
         assert_eq!(reply == Reply::Silence, hangs, "{armed_us}, {asked_us}");
-        // It answers nothing more, on no endpoint, and no reset of the bus helps.
+        // No endpoint answers any more, and no bus reset helps.
         bench.now_ps = at_ps(2_000);
         bench.usb.host.reset();
         bench.run(Time::from_ms(50), &mut device);
@@ -186,7 +186,7 @@ fn a_refused_request_stalls_and_the_next_one_does_not() {
         let unknown = ControlTransfer::new([0x80, 99, 0, 0, 0, 0, 2, 0]);
         let outcome = ask(&mut bench, &mut device, unknown);
         assert_eq!(outcome, ControlOutcome::Stalled);
-        // The stall bits stay, but are not armed any more.
+        // The stall bits stay set, but are not armed any more.
         let known = ControlTransfer::new(DEVICE_DESCRIPTOR);
         let outcome = ask(&mut bench, &mut device, known);
         assert_eq!(outcome.data(), Some(&DEVICE[..]));
@@ -268,7 +268,7 @@ fn a_packet_with_the_wrong_pid_is_acknowledged_and_dropped() {
     assert_ne!(bench.read(RAW) & 1 << 5, 0);
     bench.write(STATUS, 1 << 31);
     assert_eq!(bench.read(RAW) & 1 << 5, 0);
-    // The other way: DATA1 first is a repetition to the host.
+    // The other direction: an initial DATA1 is a repetition to the host.
     bench.set_bytes(INPUT_BUFFER, b"xyz");
     bench.arm(INPUT, 0, buffer::FULL | buffer::DATA1 | 3);
     bench.run(Time::from_ms(2), &mut device);
@@ -329,7 +329,8 @@ fn an_endpoint_that_is_not_enabled_does_not_answer() {
     assert_eq!(bench.usb.host.counts().silent, 3);
 }
 
-/// Endpoint 2 with two buffers each way, and an interrupt for each of them or for both.
+/// Sets up endpoint 2 with two buffers per direction, and an interrupt for each of them or for
+/// both.
 fn doubled(bench: &mut UsbTestBench, interrupt: u32) {
     for (index, at) in [(INPUT, INPUT_BUFFER), (OUTPUT, OUTPUT_BUFFER)] {
         let settings = 1 << 31 | 1 << 30 | interrupt | 2 << 26 | at;
@@ -394,7 +395,7 @@ fn two_full_buffers_go_out_one_behind_the_other_and_reset_begins_with_the_first(
     bench.arm(INPUT, 0, buffer::FULL | 3);
     bench.run(Time::from_ms(2), &mut Idle);
     assert_eq!(bench.usb.host.read(), b"one");
-    // The second one would be next.
+    // The second buffer would be next.
     bench.arm(INPUT, 0, buffer::RESET | buffer::FULL | buffer::DATA1 | 3);
     bench.run(Time::from_ms(2), &mut Idle);
     assert_eq!(bench.usb.host.read(), b"one");

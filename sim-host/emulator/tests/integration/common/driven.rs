@@ -1,4 +1,4 @@
-//! The coil driven by the image: on circuits of any kind, and what becomes of its current.
+//! Drives the coil by the image on any circuit, and evaluates its current.
 
 use ldc161x_sim::{Sensors, Settings, Time};
 use palpate_emulator::{EmulatedBoard, Image, LevelTimes, Options, Plant, PlantConditions, Still};
@@ -10,12 +10,12 @@ use palpate_wire::{Command, Record};
 
 use super::{FREQUENCIES_HZ, RecordedBoard, coil, image, recording};
 
-/// A period of the bridge's PWM.
+/// Period of the bridge's PWM.
 pub(crate) const PERIOD: Time = Time::from_us(16);
-/// A conversion of the converter, to whole periods.
+/// A conversion of the converter, in whole periods.
 pub(crate) const WINDOW: usize = 62;
 
-/// Still sensors, and a circuit.
+/// Constant sensors, and a circuit.
 #[derive(Clone)]
 pub(crate) struct Wired {
     pub(crate) sensors: Still,
@@ -24,7 +24,7 @@ pub(crate) struct Wired {
     pub(crate) parallel_ohm: f64,
 }
 
-/// That of sound sensors.
+/// Parallel resistance of healthy sensors, ohm.
 const PARALLEL_OHM: f64 = 3_000.0;
 
 impl Sensors for Wired {
@@ -47,7 +47,7 @@ impl Plant for Wired {
     }
 }
 
-/// With this circuit and measurement, streaming.
+/// A streaming bench with this circuit and measurement.
 pub(crate) fn wired(
     conditions: PlantConditions,
     drive: palpate_emulator::BridgeCircuit,
@@ -56,7 +56,7 @@ pub(crate) fn wired(
     wired_with(image(), conditions, drive, seed)
 }
 
-/// The same with another image.
+/// A streaming bench with this image, circuit and measurement.
 pub(crate) fn wired_with(
     image: &Image,
     conditions: PlantConditions,
@@ -92,7 +92,7 @@ pub(crate) fn drive(to_a: f64, over_s: f32) -> Command {
     })
 }
 
-/// Time, s, and charge, A s, at the end of every period or more often.
+/// Time, s, and charge, A s, at least at the end of every period.
 pub(crate) struct ChargeCurve(pub(crate) Vec<(f64, f64)>);
 
 impl ChargeCurve {
@@ -105,7 +105,7 @@ impl ChargeCurve {
         self.0.windows(2).map(mean).collect()
     }
 
-    /// Charge at a time, straight between the points; nothing outside.
+    /// Charge at a time, interpolated linearly; `None` outside.
     pub(crate) fn charge_at(&self, time_s: f64) -> Option<f64> {
         let index = self.0.partition_point(|(at, _)| *at <= time_s);
         let (before, after) = (self.0.get(index.checked_sub(1)?)?, self.0.get(index)?);
@@ -113,8 +113,8 @@ impl ChargeCurve {
         Some(before.1 + part * (after.1 - before.1))
     }
 
-    /// Mean currents of conversion after conversion, the first of which begins so long after the
-    /// curve's start.
+    /// Mean currents of consecutive conversions; the first one starts `after_s` after the curve's
+    /// start.
     pub(crate) fn windows(&self, after_s: f64) -> Vec<f64> {
         let length_s = WINDOW as f64 * PERIOD.as_secs_f64();
         let begin_s = self.0.first().map_or(0.0, |first| first.0) + after_s;
@@ -135,7 +135,7 @@ impl<P: Plant> RecordedBoard<P> {
             })
     }
 
-    /// Arms; returns what the self-test has found.
+    /// Arms; returns the result of the self-test.
     pub(crate) fn arm(&mut self) -> CoilTest {
         let before = self.frames.len();
         for command in [Command::SetCoil(coil()), Command::Arm] {
@@ -150,21 +150,21 @@ impl<P: Plant> RecordedBoard<P> {
         panic!("the self-test does not end: {:?}", self.faults());
     }
 
-    /// Drives to a current, and lets time pass.
+    /// Drives to a current, and advances time.
     pub(crate) fn go(&mut self, to_a: f64, over_s: f32, time: Time) {
         let answer = self.command(&drive(to_a, over_s)).outcome;
         assert_eq!(answer, Outcome::Accepted, "{to_a} A: {:?}", self.faults());
         self.run(time);
     }
 
-    /// Off, and ready for the next.
+    /// Switches the drive off, ready for the next one.
     pub(crate) fn rest(&mut self) {
         self.command(&Command::Abort);
         self.run(Time::from_ms(5));
         assert_eq!(self.board.current_a(), 0.0);
     }
 
-    /// Follows the current for so many periods.
+    /// Records the current for `periods` periods.
     pub(crate) fn charge_curve(&mut self, periods: usize) -> ChargeCurve {
         let mut points = Vec::with_capacity(periods + 1);
         for period in 0..=periods {
@@ -178,7 +178,7 @@ impl<P: Plant> RecordedBoard<P> {
         ChargeCurve(points)
     }
 
-    /// Peak to peak within a period, A.
+    /// Ripple within a period, peak to peak, A.
     pub(crate) fn ripple_a(&mut self) -> f64 {
         let (mut low, mut high) = (f64::MAX, f64::MIN);
         for _ in 0..160 {
@@ -193,18 +193,18 @@ impl<P: Plant> RecordedBoard<P> {
     }
 }
 
-/// What became of a step.
+/// Result of a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepResult {
-    /// From the first period with current to the one with 90 %.
+    /// Time from the first period with current to the one with 90 %.
     pub(crate) took: Time,
-    /// What supply and inductance allow.
+    /// Time that supply and inductance need.
     pub(crate) possible: Time,
-    /// Highest mean of a period above the end, as a part of it.
+    /// Highest mean of a period above the end value, as a part of it.
     pub(crate) overshoot: f64,
 }
 
-/// The time that supply and inductance allow, with the bridge always on.
+/// Time that supply and inductance need, with the bridge always on.
 fn possible(circuit: &Circuit, to_a: f64) -> Time {
     let mut circuit = *circuit;
     circuit.parameters.wake_s = 0.0;
@@ -220,8 +220,8 @@ fn possible(circuit: &Circuit, to_a: f64) -> Time {
     took
 }
 
-/// Steps from rest at so many phases between the converter's bus and the PWM, whose interrupts
-/// meet differently in each: the slowest and the highest.
+/// Steps from rest at `phases` phases between the converter's bus and the PWM, whose interrupts
+/// coincide differently at each phase; returns the slowest time and the highest overshoot.
 pub(crate) fn steps<P: Plant>(bench: &mut RecordedBoard<P>, to_a: f64, phases: u32) -> StepResult {
     bench.go(0.0, 0.0, Time::from_ms(2));
     let possible = possible(bench.board.circuit(), to_a);
@@ -231,11 +231,12 @@ pub(crate) fn steps<P: Plant>(bench: &mut RecordedBoard<P>, to_a: f64, phases: u
         overshoot: 0.0,
     };
     for _ in 0..phases {
-        // A millisecond and a bit in all: every phase of a conversion of one millisecond.
+        // Slightly more than a millisecond in total: every phase of a conversion of one
+        // millisecond.
         bench.run(Time::from_us(1_008 / u64::from(phases)));
         let mut bench = bench.clone();
         bench.send(&drive(to_a, 0.0));
-        // The mean over a period decides, since the ripple is an ampere.
+        // The mean over a period counts, since the ripple is an ampere.
         let means = bench.charge_curve(500).means();
         let first = |level_a: f64| means.iter().position(|mean_a| *mean_a > level_a);
         let (Some(begin), Some(reached)) = (first(0.2), first(0.9 * to_a)) else {
@@ -254,14 +255,14 @@ pub(crate) fn bend<P: Plant>(bench: &mut RecordedBoard<P>, peak_a: f64, fall_s: 
     bench.go(peak_a, 2e-3, Time::from_ms(5));
     bench.send(&drive(0.2 * peak_a, fall_s));
     let periods = (f64::from(fall_s) / PERIOD.as_secs_f64()) as usize;
-    // From the answer on, until shortly before the end.
+    // From the answer until shortly before the end.
     bench.charge_curve(periods / 20 + 120);
     let means = bench.charge_curve(periods * 17 / 20 - 120).windows(0.0);
     assert!(means.len() > 5 && means[0] - means[5] > 0.0, "{means:?}");
     from_a_line(&means) / peak_a
 }
 
-/// Greatest distance from the straight line of least squares.
+/// Greatest distance from the least-squares line.
 fn from_a_line(values: &[f64]) -> f64 {
     let middle = 0.5 * (values.len() as f64 - 1.0);
     let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -277,20 +278,20 @@ fn from_a_line(values: &[f64]) -> f64 {
     values.iter().enumerate().map(off).fold(0.0, f64::max)
 }
 
-/// What full telemetry cost.
+/// Cost of full telemetry.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telemetry {
-    /// Periods with current, and when their levels were written.
+    /// Write times of the levels, in periods with current.
     pub(crate) levels: LevelTimes,
-    /// Samples that were fetched, and that were lost on the way, by any count.
+    /// Samples fetched, and samples lost on the way, by any count.
     pub(crate) samples: u32,
     pub(crate) lost: u64,
-    /// From an edge of INTB to START, at worst.
+    /// Worst delay from an edge of INTB to START.
     pub(crate) worst: Time,
 }
 
-/// Drives within what the coil bears for ever, a command every 60 ms, with a stream at 1 kHz, which
-/// the PC reads.
+/// Drives within the coil's continuous rating, with a command every 60 ms and a stream at 1 kHz
+/// that the PC reads.
 pub(crate) fn telemetry<P: Plant>(
     bench: &mut RecordedBoard<P>,
     time: Time,
@@ -354,7 +355,7 @@ impl<P: Plant> RecordedBoard<P> {
         self.board.wire_log().map_or(&[], |log| &log.edge_to_start)
     }
 
-    /// Returns how many records are missing among those that have come.
+    /// Returns how many records are missing between the received ones; drops all but the last.
     fn forget_all_but_last(&mut self) -> u64 {
         let gap = |of: &[palpate_wire::Frame<Record>]| match of {
             [before, after] => {

@@ -1,5 +1,5 @@
-//! What goes on while the image saves: samples over both links, requests over USB, the watchdog, and
-//! the bridge, which has to rest.
+//! Activity while the image saves: samples over both links, requests over USB, the watchdog, and
+//! the bridge, which must rest.
 
 use std::collections::VecDeque;
 
@@ -11,24 +11,24 @@ use palpate_wire::{Command, Frame, Record, RecordDecoder};
 use super::stored::{LONGEST_SAVE, erases, reboot, storage};
 use super::{RecordedBoard, coil};
 
-/// The coil's control interrupt: PWM_IRQ_WRAP (RP2040 datasheet 2.3.2).
+/// Exception number of the coil's control interrupt, PWM_IRQ_WRAP (RP2040 datasheet 2.3.2).
 pub(crate) const CONTROL: u32 = 16 + 4;
-/// From one request over USB to the next.
+/// Interval between two requests over USB, ms.
 const REQUEST_EVERY_MS: u64 = 7;
 /// GET_DESCRIPTOR of the device (USB 2.0 9.4.3).
 const GET_DEVICE: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
 
-/// What has come over a link, in order.
+/// Frames received over a link, in order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Stream {
     pub(crate) samples: usize,
-    /// Frames that are missing in the sequence, or were dropped as the sender says.
+    /// Frames that are missing in the sequence, or reported as dropped by the sender.
     pub(crate) missing_frames: u32,
     /// Scans that were not fetched.
     pub(crate) lost: u32,
-    /// Samples whose stamp is off the grid, marked as following a gap.
+    /// Samples whose stamp is off the grid, marked as after a gap.
     pub(crate) marked: usize,
-    /// By how much the time between two samples differs from a millisecond, at most, us.
+    /// Greatest difference of the interval between two samples from a millisecond, us.
     pub(crate) off_us: u64,
 }
 
@@ -58,19 +58,19 @@ impl Stream {
         stream
     }
 
-    /// Nothing was lost, and samples come a millisecond apart, to what the converter's clock and two
-    /// roundings allow.
+    /// Whether nothing was lost, and samples are a millisecond apart, within the tolerance of the
+    /// converter's clock and two roundings.
     pub(crate) const fn is_whole(&self) -> bool {
         self.missing_frames == 0 && self.lost == 0 && self.marked == 0 && self.off_us <= 5
     }
 }
 
-/// A PC at the USB port that reads all that comes, and asks something now and then.
+/// A PC at the USB port that reads all data and sends a request now and then.
 #[derive(Default)]
 struct UsbPc {
     frames: Vec<Frame<Record>>,
     pending: Vec<u8>,
-    /// When it asked what is not answered yet.
+    /// Times of the unanswered requests.
     asked: VecDeque<Time>,
     answered: usize,
     refused: usize,
@@ -104,7 +104,7 @@ impl UsbPc {
     }
 }
 
-/// What went on while a save ran.
+/// Observations during a save.
 #[derive(Clone, Debug)]
 pub(crate) struct DuringSave {
     pub(crate) took: Time,
@@ -112,25 +112,26 @@ pub(crate) struct DuringSave {
     pub(crate) programs: usize,
     pub(crate) probe: Stream,
     pub(crate) usb: Stream,
-    /// From an edge of INTB to START, at worst.
+    /// Worst delay from an edge of INTB to START.
     pub(crate) edge_to_start: Time,
-    /// From one feeding of the watchdog to the next, at worst.
+    /// Longest interval between two feedings of the watchdog.
     pub(crate) unfed: Time,
-    /// Control transfers that ended well, others, and how long the slowest took, to a millisecond.
+    /// Number of successful control transfers, of others, and the duration of the slowest, to a
+    /// millisecond.
     pub(crate) answered: usize,
     pub(crate) refused: usize,
     pub(crate) slowest: Time,
-    /// The bridge or its control interrupt woke up.
+    /// Whether the bridge or its control interrupt woke up.
     pub(crate) bridge_woke: bool,
     pub(crate) watchdog_resets: u32,
-    /// What commands were answered in the midst of an erase.
+    /// Answers to commands in the middle of an erase.
     pub(crate) answers: Vec<(Command, Outcome)>,
 }
 
 impl DuringSave {
-    /// Whether nothing was held up, and nothing begun that has to wait.
+    /// Whether nothing was delayed, and nothing that must wait was started.
     pub(crate) fn holds(&self) -> bool {
-        // Which of two reasons is said is not the matter here.
+        // Either of two reasons is valid here.
         let is_refused = |(command, outcome): &(Command, Outcome)| match command {
             Command::DriveCoil(_) | Command::Measure => *outcome != Outcome::Accepted,
             _ => *outcome == Outcome::Busy,
@@ -149,7 +150,7 @@ impl DuringSave {
 }
 
 impl<P: Plant> RecordedBoard<P> {
-    /// Plugs a PC in at the USB port.
+    /// Plugs a PC into the USB port.
     pub(crate) fn plug(&mut self) {
         self.board.usb_mut().plug();
         self.board.usb_mut().enumerate();
@@ -157,7 +158,7 @@ impl<P: Plant> RecordedBoard<P> {
         assert!(self.board.usb().description().is_some(), "it enumerates");
     }
 
-    /// Runs for a millisecond; whether the bridge or its control interrupt woke up.
+    /// Runs for a millisecond; returns whether the bridge or its control interrupt woke up.
     pub(crate) fn run_seeing_the_bridge(&mut self) -> bool {
         let woke = self.board.run_until(Time::from_ms(1), |board| {
             board.bridge().awake || board.exception() == CONTROL
@@ -170,11 +171,11 @@ impl<P: Plant> RecordedBoard<P> {
         }
     }
 
-    /// Stores with a PC at each link, and watches everything else.
+    /// Stores with a PC at each link, and observes everything else.
     pub(crate) fn store_beside_everything(&mut self) -> DuringSave {
         let mut usb = UsbPc::default();
         usb.listen(&mut self.board);
-        // A frame may be on its way, whose beginning is kept.
+        // A frame may be in transmission; its start is kept.
         usb.frames.clear();
         let edges_before = self.edges_to_start().len();
         let resets_before = self.board.resets().watchdog;
@@ -230,7 +231,7 @@ impl<P: Plant> RecordedBoard<P> {
         flash.is_busy() && last.is_some_and(|of| of.kind != FlashOperationKind::ProgramPage)
     }
 
-    /// What commands are answered that may not begin while flash is written.
+    /// Answers to commands that may not start while the flash is written.
     fn answers(mut self) -> Vec<(Command, Outcome)> {
         let commands = [
             Command::Arm,

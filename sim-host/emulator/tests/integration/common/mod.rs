@@ -1,4 +1,4 @@
-//! The image, on a board, with a PC at its channels.
+//! The image on a board, with a PC on its debug channels.
 
 #![allow(dead_code, reason = "no test file uses all of it")]
 
@@ -23,7 +23,7 @@ pub(crate) const COMMANDS: u32 = 0;
 
 pub(crate) const FREQUENCIES_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
 
-/// The image that is flashed, built once for each test program.
+/// The flashed image, built once for each test program.
 pub(crate) fn image() -> &'static Image {
     static IMAGE: OnceLock<Image> = OnceLock::new();
     IMAGE.get_or_init(|| {
@@ -73,7 +73,7 @@ impl<P: Plant> RecordedBoard<P> {
         }
     }
 
-    /// Runs, and takes what the board says every millisecond.
+    /// Runs, and reads the board's channels every millisecond.
     pub(crate) fn run(&mut self, time: Time) {
         let end = self.board.now() + time;
         while self.board.now() < end {
@@ -99,13 +99,13 @@ impl<P: Plant> RecordedBoard<P> {
         }
     }
 
-    /// Forgets what has come, and that a frame had begun: what follows may begin within one.
+    /// Drops the received bytes and any partial frame: the next bytes may start within a frame.
     pub(crate) fn restart_listening(&mut self) {
         self.frames.clear();
         self.pending.clear();
     }
 
-    /// Runs until a record says something, for at most so long.
+    /// Runs until a record satisfies the condition, for a limited time.
     pub(crate) fn wait_for<T>(
         &mut self,
         limit: Time,
@@ -126,7 +126,7 @@ impl<P: Plant> RecordedBoard<P> {
         None
     }
 
-    /// The number of the present run.
+    /// Boot id of the present run.
     pub(crate) fn boot_id(&self) -> u32 {
         self.frames.last().map_or(0, |frame| frame.header.boot_id)
     }
@@ -145,7 +145,7 @@ impl<P: Plant> RecordedBoard<P> {
         assert_eq!(self.board.write_channel(COMMANDS, bytes), bytes.len());
     }
 
-    /// Sends a command and returns the answer, and a record that comes with it or after it.
+    /// Sends a command and returns its answer, with a record that comes with or after it.
     pub(crate) fn ask<T>(
         &mut self,
         command: &Command,
@@ -157,7 +157,7 @@ impl<P: Plant> RecordedBoard<P> {
         let bytes = encode(&header, command, &mut buffer).unwrap();
         let before = self.frames.len();
         assert_eq!(self.board.write_channel(COMMANDS, bytes), bytes.len());
-        // What needs the coil waits for its test.
+        // A command that needs the coil waits for its test.
         for _ in 0..100 {
             self.run(Time::from_ms(1));
             let records = || self.frames[before..].iter().map(|frame| &frame.message);
@@ -174,7 +174,7 @@ impl<P: Plant> RecordedBoard<P> {
         panic!("{command:?} is not answered");
     }
 
-    /// The settings in force.
+    /// Settings in force.
     pub(crate) fn settings(&mut self) -> palpate_wire::command::Settings {
         let settings = |record: &Record| match record {
             Record::Settings(settings) => Some(settings.clone()),
@@ -183,7 +183,7 @@ impl<P: Plant> RecordedBoard<P> {
         self.ask(&Command::GetSettings, settings).1
     }
 
-    /// Runs until samples come.
+    /// Runs until samples arrive.
     pub(crate) fn stream(&mut self) {
         self.wait_for(Time::from_ms(200), |record| {
             matches!(record, Record::Sample(_) | Record::Raw(_)).then_some(())
@@ -224,7 +224,7 @@ impl<P: Plant> RecordedBoard<P> {
     }
 }
 
-/// The time, in microseconds, at which the image's timer showed 0.
+/// Time at which the image's timer was 0, us.
 pub(crate) fn origin_us<P: Plant>(board: &EmulatedBoard<P>) -> f64 {
     let mut board = board.clone();
     let shown_us = board.timer_us();
@@ -234,13 +234,13 @@ pub(crate) fn origin_us<P: Plant>(board: &EmulatedBoard<P>) -> f64 {
     board.now().as_secs_f64() * 1e6 - board.timer_us() as f64
 }
 
-/// A still board with an image.
+/// A board with constant sensors and an image.
 pub(crate) fn board(image: &Image) -> EmulatedBoard<Still> {
     let plant = Still::new(FREQUENCIES_HZ);
     EmulatedBoard::new(image, plant, Settings::default(), recording())
 }
 
-/// A bench with a stream under way.
+/// A bench with a running stream.
 pub(crate) fn streaming() -> RecordedBoard {
     let mut bench = RecordedBoard::new();
     bench.stream();
@@ -248,7 +248,7 @@ pub(crate) fn streaming() -> RecordedBoard {
     bench
 }
 
-/// A coil's data.
+/// Data of a coil.
 pub(crate) fn coil() -> Coil {
     Coil {
         resistance_ohm: 0.5,
@@ -260,12 +260,12 @@ pub(crate) fn coil() -> Coil {
     }
 }
 
-/// A bench in the midst of a train of ramps.
+/// A bench in the middle of a train of ramps.
 pub(crate) fn ramping(image: &Image) -> RecordedBoard {
     ramping_on(board(image))
 }
 
-/// The same with this board, whose power has just come.
+/// A bench in the middle of a train of ramps, on a board that has just been powered.
 pub(crate) fn ramping_on(board: EmulatedBoard<Still>) -> RecordedBoard {
     let mut bench = RecordedBoard::of(board);
     bench.stream();
@@ -288,7 +288,7 @@ pub(crate) fn ramping_on(board: EmulatedBoard<Still>) -> RecordedBoard {
     bench
 }
 
-/// The time until the bridge is off; nothing if it is not within 100 ms, or does not stay off.
+/// Time until the bridge is off; `None` if it is on after 100 ms, or does not stay off.
 pub(crate) fn time_to_off(bench: &mut RecordedBoard) -> Option<Time> {
     let begin = bench.board.now();
     bench
@@ -305,27 +305,27 @@ pub(crate) fn time_to_off(bench: &mut RecordedBoard) -> Option<Time> {
     Some(took)
 }
 
-/// Instructions without end, and one that is none.
+/// An endless loop, and an undefined instruction.
 pub(crate) const LOOP: u32 = 0xE7FE_E7FE;
 pub(crate) const UNDEFINED: u32 = 0xDE00_DE00;
 /// A free word near the end of memory.
 pub(crate) const SPARE: u32 = 0x2004_1FF0;
 
-/// Exceptions in which the firmware spends its time: the tasks' two dispatchers, the timer, the
-/// two interrupts of the bus and the one that follows them, and none at all.
+/// Exceptions in which the firmware runs: the tasks' two dispatchers, the timer, the two interrupts
+/// of the bus and the one that follows them, and no exception.
 pub(crate) const EXCEPTIONS: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
 
-/// How a run is ended.
+/// Cause of the end of a run.
 #[derive(Clone, Copy)]
 pub(crate) enum Crash {
-    /// By an instruction that is none.
+    /// An undefined instruction.
     HardFault,
-    /// By one that jumps to itself.
+    /// An endless loop.
     Loop,
 }
 
 impl Crash {
-    /// Ends the run in an exception; returns how long the bridge was on after that.
+    /// Ends the run within an exception; returns how long the bridge stayed on after that.
     pub(crate) fn in_exception(self, bench: &mut RecordedBoard, number: u32) -> Option<Time> {
         bench
             .board
@@ -341,11 +341,11 @@ impl Crash {
     }
 }
 
-/// Tasks of an image with a planted panic.
+/// Number of tasks in an image with a planted panic.
 pub(crate) const TASKS: u32 = 3;
 
-/// Lets a task panic; returns how long the bridge was on after that. The task reads its order
-/// when its turn comes, which is not part of the time.
+/// Makes a task panic; returns how long the bridge stayed on after that. The task reads its order
+/// when it runs next; the time until then does not count.
 pub(crate) fn panic_in(bench: &mut RecordedBoard, task: u32) -> Option<Time> {
     let order = bench.board.image().symbol("PLANTED_PANIC")?;
     bench.board.poke(order, task + 1);
@@ -357,10 +357,10 @@ pub(crate) fn panic_in(bench: &mut RecordedBoard, task: u32) -> Option<Time> {
     time_to_off(bench)
 }
 
-/// Lets the processor write the watchdog's trigger, as memory that was written over may do: a reset
-/// that the firmware never requested.
+/// Makes the processor write the watchdog's trigger, as overwritten memory may do: a reset that the
+/// firmware did not request.
 pub(crate) fn reset_without_a_record<P: Plant>(bench: &mut RecordedBoard<P>) {
-    // ldr r0, [pc, #4]; ldr r1, [pc, #8]; str r1, [r0], again and again; WATCHDOG.CTRL and TRIGGER.
+    // ldr r0, [pc, #4]; ldr r1, [pc, #8]; str r1, [r0], in a loop; WATCHDOG.CTRL and TRIGGER.
     const PROGRAM: [u32; 4] = [0x4902_4801, 0xE7FD_6001, 0x4005_8000, 1 << 31];
     for (index, word) in (0..).zip(PROGRAM) {
         bench.board.poke(SPARE + 4 * index, word);

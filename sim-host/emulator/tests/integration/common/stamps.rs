@@ -1,4 +1,4 @@
-//! Samples compared with the conversions that the simulated converter really made.
+//! Compares samples with the true conversions of the simulated converter.
 
 use std::collections::BTreeMap;
 
@@ -10,16 +10,16 @@ use palpate_wire::record::Sample;
 
 use super::{FREQUENCIES_HZ, RecordedBoard, image, origin_us, recording};
 
-/// By how much a time stamp may be off.
+/// Allowed error of a time stamp, us.
 pub(crate) const ALLOWED_US: f64 = 2.0;
-/// Rise of every sensor's frequency: from one scan to the next more than the steps of a word, so that
-/// a word names its conversion.
+/// Drift of every sensor's frequency: more from scan to scan than the resolution of a word, so that
+/// each word identifies its conversion.
 const DRIFT_HZ_PER_S: f64 = 1e6;
 
-/// The second converter's sensors: none is the first one's.
+/// Sensors of the second converter, all different from the first one's.
 const SECOND_HZ: [f64; 4] = [2.5e6, 2.6e6, 2.7e6, 2.8e6];
 
-/// What is not settled about the converter and matters here.
+/// Unsettled properties of the converter that matter here.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Silicon {
     pub(crate) release: InterruptRelease,
@@ -27,7 +27,7 @@ pub(crate) struct Silicon {
 }
 
 impl Silicon {
-    /// Every combination.
+    /// All combinations.
     pub(crate) fn all() -> impl Iterator<Item = Self> {
         InterruptRelease::VARIANTS.iter().flat_map(|&release| {
             Overwrite::VARIANTS
@@ -36,12 +36,12 @@ impl Silicon {
         })
     }
 
-    /// A board with such a converter, whose power has just come.
+    /// A board with such a converter, just powered.
     pub(crate) fn bench(self) -> RecordedBoard {
         self.bench_with(recording())
     }
 
-    /// A board with two of them.
+    /// A board with two such converters.
     pub(crate) fn bench_of_two(self) -> RecordedBoard {
         self.bench_with(Options {
             second_converter: Some(SECOND_HZ),
@@ -63,7 +63,7 @@ impl Silicon {
         RecordedBoard::of(EmulatedBoard::new(image(), plant, chip, options))
     }
 
-    /// 98 % of the scans a second that the bus can fetch, with 10 us between two of them.
+    /// 98 % of the scan rate that the bus can fetch, with 10 us between two scans.
     pub(crate) fn fastest_hz(self, channels: u8) -> f32 {
         let status = u32::from(self.release == InterruptRelease::StatusOnly);
         let bit_times = 47 * (2 * channels.count_ones() + status) + 1;
@@ -72,31 +72,31 @@ impl Silicon {
     }
 }
 
-/// What became of the samples.
+/// Check results of the samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Judged {
-    /// Samples in all, and those that are marked.
+    /// Number of samples, and of marked ones.
     pub(crate) samples: u32,
     pub(crate) marked: u32,
-    /// Unmarked samples of which a time is off by more than is allowed.
+    /// Unmarked samples with a time off by more than is allowed.
     pub(crate) off: u32,
-    /// Unmarked samples whose channels are of different scans.
+    /// Unmarked samples with channels from different scans.
     pub(crate) mixed: u32,
-    /// Unmarked samples before which a scan is missing.
+    /// Unmarked samples after a missing scan.
     pub(crate) skipped: u32,
-    /// Unmarked samples whose last byte is not the converter's, because its supply failed while it sent
-    /// that byte: the line then reads as ones, and there is no acknowledge that could be missing. The
-    /// next sample has to be marked, since the converter is started again.
+    /// Unmarked samples whose last byte is not the converter's, because its supply failed while it
+    /// sent that byte: the line then reads as ones, and no acknowledge could be missing. The next
+    /// sample must be marked, since the converter restarts.
     pub(crate) torn: u32,
-    /// The smallest and the largest error of an unmarked time, in microseconds.
+    /// Smallest and largest error of an unmarked time, us.
     pub(crate) least_us: f64,
     pub(crate) most_us: f64,
-    /// By how much the errors of two scans that follow one another differ at most.
+    /// Greatest difference between the errors of two consecutive scans.
     pub(crate) jitter_us: f64,
 }
 
 impl Judged {
-    /// Every sample that is not marked is right.
+    /// Whether every unmarked sample is right.
     pub(crate) const fn holds(&self) -> bool {
         self.off == 0 && self.mixed == 0 && self.skipped == 0
     }
@@ -118,11 +118,11 @@ fn middle_us(conversion: &TrueConversion) -> f64 {
     (conversion.start.as_secs_f64() + conversion.end.as_secs_f64()) / 2.0 * 1e6
 }
 
-/// The conversions that were fetched, by channel and word.
+/// Fetched conversions, by channel and word.
 type Fetched<'a> = BTreeMap<(u8, u32), Vec<&'a TrueConversion>>;
 
-/// The conversions of a sample, each with the time that the sample gives it; one that was never made
-/// is a word that was torn.
+/// True conversions of a sample, each with the time that the sample gives for it; `None` if one
+/// never existed, as for a torn word.
 fn truths<'a>(
     fetched: &Fetched<'a>,
     time_us: f64,
@@ -138,13 +138,13 @@ fn truths<'a>(
     sample.channels.iter().map(of).collect()
 }
 
-/// Whether the last byte of a sample's frame was read from a line that nothing drove.
+/// Whether the last byte of a sample's frame was read from an undriven line.
 fn ends_in_ones(sample: &Sample) -> bool {
     let last = sample.channels.last();
     last.is_some_and(|it| it.word & 0xFF == 0xFF)
 }
 
-/// Judges the samples that a bench has.
+/// Checks the samples of a bench.
 pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
     let origin_us = origin_us(&bench.board);
     let log = bench.board.wire_log().unwrap();
@@ -187,7 +187,8 @@ pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
             judged.jitter_us = judged.jitter_us.max((us - before_us).abs());
         }
         judged.off += u32::from(errors().any(|us| us.abs() > ALLOWED_US));
-        // The channels end one after the other, from the lowest, and a scan lasts as long as they.
+        // The channels end one after the other, from the lowest, and a scan lasts as long as all of
+        // them.
         let span = |at: &dyn Fn(&TrueConversion) -> f64| {
             let times = truths.iter().map(|(truth, _)| at(truth));
             times.clone().fold(f64::MIN, f64::max) - times.fold(f64::MAX, f64::min)
@@ -202,15 +203,15 @@ pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
     judged
 }
 
-/// What became of the samples of two converters that share the bus, from the first of each on.
+/// Check results of two converters on one bus, from the first sample of each on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shared {
     pub(crate) samples: u32,
     pub(crate) marked: u32,
-    /// Scans that were lost.
+    /// Lost scans.
     pub(crate) lost: u32,
-    /// Unmarked samples with a frequency that is not that of its sensor, or beside the grid of those of
-    /// before.
+    /// Unmarked samples whose frequency is not that of their sensor, or whose time is off the grid
+    /// of the previous ones.
     pub(crate) wrong: u32,
 }
 
@@ -223,13 +224,13 @@ impl Shared {
     }
 }
 
-/// Judges the samples of both converters that a bench has, each of which is converted at this rate. The
-/// second's sensors are still, so that a word does not name its conversion.
+/// Checks the samples of both converters of a bench, both at this rate. The second one's sensors
+/// are constant, so a word does not identify its conversion.
 pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Shared {
     let mut found = Shared::default();
     for sensor in [0, 1] {
         let mut samples = bench.samples().filter(|(_, it)| it.sensor == sensor);
-        // What goes before the first one is not known.
+        // Losses before the first sample are unknown.
         let Some((mut last_us, _)) = samples.next() else {
             found.lost += 1;
             continue;
@@ -251,10 +252,10 @@ pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Sh
                 };
                 let drift_hz = if sensor == 0 { DRIFT_HZ_PER_S } else { 0.0 };
                 let off_hz = it.frequency_hz - sensors_hz[usize::from(it.channel)];
-                // Ten seconds of drift are more than a bench runs; another clock is off by more.
+                // Ten seconds of drift are more than a bench runs; a wrong clock is off by more.
                 (-5e3..=5e3 + drift_hz).contains(&off_hz)
             };
-            // The plan is exact to a thousandth of the period.
+            // The scan plan is exact to a thousandth of the period.
             let period_us = 1e6 / f64::from(rate_hz);
             let is_on_grid = (step_us - period_us).abs() < 5.0 + 2e-3 * period_us;
             let is_wrong = !is_on_grid || !sample.channels.iter().all(is_right);
@@ -264,7 +265,7 @@ pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Sh
     found
 }
 
-/// Sets channels and rate, forgets the samples of before, and runs.
+/// Sets channels and rate, drops earlier samples, and runs.
 pub(crate) fn change<P: Plant>(
     bench: &mut RecordedBoard<P>,
     channels: u8,
@@ -280,7 +281,7 @@ pub(crate) fn change<P: Plant>(
     let answer = bench.command(&Command::SetSettings(settings));
     assert_eq!(answer.outcome, Outcome::Accepted);
     bench.run(run);
-    // What came before the command was of the old settings.
+    // Samples from before the command have the old settings.
     let count = channels.count_ones() as usize;
     let of_old = |frame: &palpate_wire::Frame<palpate_wire::Record>| matches!(&frame.message, palpate_wire::Record::Sample(it) if it.channels.len() != count);
     if let Some(last) = bench.frames.iter().rposition(of_old) {

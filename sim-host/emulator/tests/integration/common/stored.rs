@@ -1,4 +1,5 @@
-//! Settings and calibration in the image's flash: set, saved, disturbed, and found after a new start.
+//! Settings and calibration in the image's flash: set, saved, disturbed, and loaded at the next
+//! start.
 
 use std::collections::BTreeSet;
 
@@ -16,26 +17,25 @@ use palpate_wire::{Command, Record, configuration_crc, record};
 
 use super::{FREQUENCIES_HZ, RecordedBoard, coil, image, recording};
 
-/// Where the area for settings and calibration begins and ends, from the flash's beginning: its last
-/// 64 KiB.
+/// Range of the area for settings and calibration, from the start of the flash: its last 64 KiB.
 pub(crate) const AREA: std::ops::Range<u32> = 0x1F_0000..0x20_0000;
 
-/// More than any save takes: at the flash's greatest times.
+/// Longer than any save, at the longest times of the flash.
 pub(crate) const LONGEST_SAVE: Time = Time::from_ms(8_000);
-/// From a start to samples, with the loading of what is stored.
+/// Time from a start to samples, including the load of stored data.
 const START: Time = Time::from_ms(600);
 
-/// Cycles for a line of flash at a quarter of the processor's clock, as the image reads it: eight of its
-/// clocks for address and mode, four of waiting, sixteen for the data, and ten cycles that the emulated
-/// board takes besides. An interrupt may have to wait for so long.
+/// Cycles to fetch a line of flash at a quarter of the processor's clock, as the image reads it:
+/// eight flash clocks for address and mode, four to wait, sixteen for the data, and ten additional
+/// cycles of the emulated board. An interrupt may have to wait this long.
 const MISS_CYCLES: u32 = 10 + 4 * (8 + 4 + 16);
 
-/// How much is set.
+/// Size of the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Amount {
-    /// One channel, a curve of six knots: in one sector.
+    /// One channel, a curve of six knots: fits one sector.
     Usual,
-    /// Four channels, curves of 32 knots: in two sectors.
+    /// Four channels, curves of 32 knots: needs two sectors.
     Full,
 }
 
@@ -55,8 +55,8 @@ impl Amount {
     }
 }
 
-/// Settings and calibration, in the order in which a PC sends them. Two of different numbers differ in
-/// every part.
+/// Settings and calibration, in the order in which a PC sends them. Configurations of different
+/// numbers differ in every part.
 pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
     let scale = 1.0 + 0.01 * number as f32;
     let mut commands = vec![Command::SetSettings(settings(number))];
@@ -152,7 +152,7 @@ fn settings(number: u32) -> Settings {
     }
 }
 
-/// The chunks of a curve.
+/// Commands with the chunks of a curve.
 fn curve(channel: u8, total: u8, scale: f32) -> Vec<Command> {
     let knots: Vec<DeformationKnot> = (0..total)
         .map(|knot| DeformationKnot {
@@ -188,7 +188,7 @@ pub(crate) fn hello(record: &Record) -> Option<record::Hello> {
     }
 }
 
-/// A board whose flash takes so long, streaming.
+/// A streaming board with these flash times.
 pub(crate) fn streaming_with(flash_times: FlashTimes, seed: u64) -> RecordedBoard {
     let options = Options {
         flash_times,
@@ -215,14 +215,14 @@ impl<P: Plant> RecordedBoard<P> {
         }
     }
 
-    /// Does something with the storage, and waits for the end of it.
+    /// Sends a command to the storage, and waits for its end.
     pub(crate) fn with_storage(&mut self, command: &Command) -> record::Storage {
         self.accepted(command);
         self.wait_for(LONGEST_SAVE, storage)
             .unwrap_or_else(|| panic!("{command:?} does not end"))
     }
 
-    /// Stores what is in force.
+    /// Stores the configuration in force.
     pub(crate) fn store(&mut self) -> record::Storage {
         let stored = self.with_storage(&Command::Store);
         let is_done = stored.succeeded && stored.stored_crc == stored.in_force_crc;
@@ -230,7 +230,7 @@ impl<P: Plant> RecordedBoard<P> {
         stored
     }
 
-    /// What is stored and what is in force, as asked for.
+    /// Storage report on request: stored data and data in force.
     pub(crate) fn stored(&mut self) -> record::Storage {
         self.ask(&Command::GetStorage, storage).1
     }
@@ -241,7 +241,7 @@ impl<P: Plant> RecordedBoard<P> {
         self.store()
     }
 
-    /// Lets the board start anew by command, and waits until it streams.
+    /// Reboots the board by command, and waits until it streams.
     pub(crate) fn reboot(&mut self) -> FoundAtStart {
         self.accepted(&reboot(RebootTarget::Firmware));
         let before = self.board.resets();
@@ -251,15 +251,15 @@ impl<P: Plant> RecordedBoard<P> {
         self.started()
     }
 
-    /// Takes the board's power and gives it back, and waits until it streams.
+    /// Cuts and restores the board's power, and waits until it streams.
     pub(crate) fn cycle_power(&mut self) -> FoundAtStart {
         self.board.cycle_power();
         self.started()
     }
 
-    /// After the board has begun to start: what it says first.
+    /// First records of the board after the start of a run.
     pub(crate) fn started(&mut self) -> FoundAtStart {
-        // What the run before has left.
+        // Drops the rest of the previous run.
         self.board.read_channel(super::DATA);
         self.restart_listening();
         let storage = self
@@ -276,8 +276,8 @@ impl<P: Plant> RecordedBoard<P> {
         }
     }
 
-    /// Lets the power fail in an operation of the flash that a command leads to, and starts again.
-    /// Nothing if the command has fewer.
+    /// Makes the power fail in a flash operation of a command, and starts again. `None` if the
+    /// command has fewer operations.
     pub(crate) fn cut_at(&mut self, operation: u64, command: &Command) -> Option<FoundAtStart> {
         self.board.flash_mut().cut_power_at_operation(operation);
         let before = self.board.resets();
@@ -299,7 +299,7 @@ impl<P: Plant> RecordedBoard<P> {
         Some(self.started())
     }
 
-    /// The operations of the flash that a command leads to.
+    /// Flash operations of a command.
     pub(crate) fn operations_of(&self, command: &Command) -> Vec<FlashOperation> {
         let mut bench = self.clone();
         let before = bench.board.flash().operations().len();
@@ -307,7 +307,7 @@ impl<P: Plant> RecordedBoard<P> {
         bench.board.flash().operations()[before..].to_vec()
     }
 
-    /// The addresses of the area at which something is written.
+    /// Written addresses of the area.
     pub(crate) fn written(&self) -> Vec<u32> {
         let flash = self.board.flash();
         AREA.filter(|address| flash.byte(*address) != 0xFF)
@@ -319,24 +319,24 @@ pub(crate) const fn reboot(target: RebootTarget) -> Command {
     Command::Reboot(Reboot { target })
 }
 
-/// How many operations erase.
+/// Number of erases.
 pub(crate) fn erases(operations: &[FlashOperation]) -> usize {
     let is_erase = |of: &&FlashOperation| of.kind != FlashOperationKind::ProgramPage;
     operations.iter().filter(is_erase).count()
 }
 
-/// What a start says.
+/// Records of a start.
 #[derive(Clone, Debug)]
 pub(crate) struct FoundAtStart {
     pub(crate) hello: record::Hello,
     pub(crate) storage: record::Storage,
-    /// Those in force.
+    /// Settings in force.
     pub(crate) settings: Settings,
     pub(crate) faults: Vec<record::Fault>,
 }
 
 impl FoundAtStart {
-    /// Whether a configuration is in force as a whole, stored, and reported so.
+    /// Whether a configuration is completely in force, stored, and reported so.
     pub(crate) fn is(&self, commands: &[Command]) -> bool {
         let Self {
             hello,
@@ -364,19 +364,19 @@ impl FoundAtStart {
             && faults.is_empty()
     }
 
-    /// Whether nothing is in force but the defaults.
+    /// Whether only the defaults are in force.
     pub(crate) fn is_default(&self) -> bool {
         self.storage.in_force_crc == defaults_crc()
     }
 }
 
-/// `configuration_crc` of a board in whose flash nothing is stored.
+/// `configuration_crc` of a board with empty storage.
 fn defaults_crc() -> u32 {
     static CRC: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
     *CRC.get_or_init(|| streaming_with(FlashTimes::Typical, 1).stored().in_force_crc)
 }
 
-/// Which of two configurations is whole in force and reported so.
+/// The one of two configurations that is completely in force and reported so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Which {
     Old,
@@ -396,16 +396,16 @@ impl Which {
     }
 }
 
-/// A board on which the next save has to erase: two configurations have been stored one after the
-/// other, and a third is set.
+/// A board whose next save must erase: two configurations have been stored one after the other, and
+/// a third is set.
 #[derive(Clone)]
 pub(crate) struct ThirdSave {
     pub(crate) bench: RecordedBoard,
     pub(crate) old: Vec<Command>,
     pub(crate) new: Vec<Command>,
-    /// Operations of the flash before the save.
+    /// Number of flash operations before the save.
     pub(crate) before: usize,
-    /// What it does to the flash.
+    /// Flash operations of the save.
     pub(crate) operations: Vec<FlashOperation>,
 }
 
@@ -427,7 +427,7 @@ impl ThirdSave {
         }
     }
 
-    /// What is found after a cut of power in an operation of the save, and the board.
+    /// Result of a power cut in an operation of the save, with the board.
     pub(crate) fn cut(&self, operation: u64) -> (Which, RecordedBoard, FoundAtStart) {
         let mut bench = self.bench.clone();
         let found = bench
@@ -437,8 +437,8 @@ impl ThirdSave {
         (which, bench, found)
     }
 
-    /// What is found when the power fails again, in an operation of the next save: of the
-    /// configuration that is not in force. Nothing if that has fewer.
+    /// Result of a second power cut, in an operation of the next save, of the configuration that is
+    /// not in force. `None` if that save has fewer operations.
     pub(crate) fn cut_again(
         &self,
         recovered: &RecordedBoard,
@@ -455,18 +455,18 @@ impl ThirdSave {
     }
 }
 
-/// What becomes of a bit that flips.
+/// Effect of a flipped bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum BitFlip {
-    /// All is in force as it was stored.
+    /// Everything is in force as stored.
     Corrected,
-    /// It is a fault, and the defaults are in force.
+    /// The board reports a fault and uses the defaults.
     Found,
-    /// Anything else is in force.
+    /// Something else is in force.
     Silent,
 }
 
-/// Inverts a bit of what is stored, and starts the board with it.
+/// Inverts a bit of the stored data, and starts the board with it.
 pub(crate) fn flip(bench: &RecordedBoard, stored: &[Command], address: u32, bit: u8) -> BitFlip {
     let mut bench = bench.clone();
     bench.board.flash_mut().flip_bit(address, bit);
@@ -481,7 +481,7 @@ pub(crate) fn flip(bench: &RecordedBoard, stored: &[Command], address: u32, bit:
     }
 }
 
-/// Some numbers of a range, its ends among them.
+/// Some numbers of a range, including its ends.
 pub(crate) fn spread(count: u64, of: u64) -> BTreeSet<u64> {
     let last = of.saturating_sub(1);
     let steps = count.saturating_sub(1).max(1);

@@ -1,4 +1,4 @@
-//! Control transfers of any kind, while the coil is driven.
+//! Random control transfers while the coil is driven.
 
 use palpate_emulator::usb::{ControlOutcome, ControlTransfer, TransferId, UsbState};
 use palpate_emulator::{LevelTimes, Time};
@@ -6,74 +6,75 @@ use palpate_wire::Command;
 
 use super::{Chance, UsbBench};
 
-/// The most that a transfer may take before it counts as hanging. The firmware handles a stage of it
-/// when the task of the instrument pauses, which takes 4 ms at most.
+/// Duration after which a transfer counts as hanging. The firmware handles a stage when the
+/// instrument's task pauses, within 4 ms.
 const HANGS: Time = Time::from_ms(100);
-/// After which the host gives up a transfer in which it sends less than it has promised: the device
-/// waits for the rest, as it has to.
+/// Time after which the host gives up a transfer in which it sends less than it announced: the
+/// device waits for the rest, as required.
 const CUT_SHORT: Time = Time::from_ms(8);
-/// For how long packets of a transfer that the host gave up may be left: until the task of the
-/// instrument pauses, and the transfer after that.
+/// Time for which packets of an abandoned transfer may remain: until the instrument's task pauses,
+/// plus the next transfer.
 const LEFT_OVER: Time = Time::from_ms(5);
-/// Transfers of one in so many end before their time: by a reset, by the next setup packet.
+/// One in so many transfers ends early by a reset; below, by the next setup packet.
 const RESETS: u32 = 100;
 const OVERTAKEN: u32 = 10;
-/// Transfers from one enumeration to the next.
+/// Number of transfers between two enumerations.
 const BATCH: u32 = 100;
 
-/// bRequest of the standard requests (USB 2.0 table 9-4), and what is beside them.
+/// bRequest of the standard requests (USB 2.0 table 9-4), and neighbouring values.
 const STANDARD: std::ops::RangeInclusive<u8> = 0..=13;
-/// Requests of CDC (CDC 1.2 table 19, PSTN 1.2 table 13) and what is beside them.
+/// Requests of CDC (CDC 1.2 table 19, PSTN 1.2 table 13) and neighbouring values.
 const CDC: [u8; 8] = [0x00, 0x01, 0x02, 0x20, 0x21, 0x22, 0x23, 0x24];
-/// Those of the interface that starts the board anew: left out, since they do.
+/// Requests of the reset interface, which reboot the board and are therefore left out.
 const RESTARTS: [u8; 2] = [1, 2];
-/// Lengths that are special to a device with packets of 64 bytes, a control buffer of 128, and
+/// Lengths at the limits of a device with packets of 64 bytes, a control buffer of 128, and
 /// descriptors of 18 and 84 bytes.
 const LENGTHS: [u16; 20] = [
     0, 1, 2, 7, 8, 9, 18, 63, 64, 65, 84, 85, 127, 128, 129, 192, 255, 256, 512, 0xFFFF,
 ];
-/// The most that the host sends: it may promise more.
+/// Most bytes that the host sends; it may announce more.
 const MOST_SENT: usize = 512;
 
 const DEVICE_DESCRIPTOR: [u8; 4] = [0x80, 6, 0, 1];
 
-/// What became of the transfers.
+/// Counts of the transfers by outcome.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ControlFindings {
     pub(crate) done: u32,
     pub(crate) stalled: u32,
-    /// Ended by a reset of the bus.
+    /// Cancelled by a bus reset.
     pub(crate) cancelled: u32,
-    /// Ended by the next setup packet.
+    /// Replaced by the next setup packet.
     pub(crate) overtaken: u32,
-    /// Given up by the host, which had sent less than it promised.
+    /// Given up by the host, which had sent less than it announced.
     pub(crate) cut_short: u32,
-    /// Followed one that the host gave up, and got what was left of it: a packet that waits on endpoint
-    /// 0 goes out until the processor has seen the setup packet.
+    /// Transfers that received leftovers of a transfer that the host had given up: a packet that
+    /// waits on endpoint 0 is sent until the processor has read the setup packet.
     pub(crate) spoiled: u32,
-    /// Neither data nor stall, with nothing that ended them. What the host did before excuses none.
+    /// Transfers that ended neither with data nor with a stall, and were not interrupted; the
+    /// host's earlier actions are no excuse.
     pub(crate) hung: Vec<(ControlTransfer, ControlOutcome)>,
-    /// The device descriptor, asked for between, was another one, or was refused.
+    /// Number of wrong or refused device descriptors.
     pub(crate) wrong: u32,
-    /// The longest of those that ended well or in a stall.
+    /// Longest duration of a transfer that ended with success or a stall.
     pub(crate) longest: Time,
     pub(crate) levels: LevelTimes,
-    /// From an edge of INTB to START, at worst.
+    /// Worst delay from an edge of INTB to START.
     pub(crate) edge_to_start: Time,
     pub(crate) enumerations: u32,
 }
 
-/// How a transfer is to end.
+/// Intended end of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     ByItself,
-    /// The next setup packet comes in its place.
+    /// The next setup packet replaces it.
     Overtaken,
-    /// The bus is reset after so long.
+    /// The bus is reset after this time.
     Reset(Time),
 }
 
-/// Does random control transfers, while the coil is in its train as often as it may.
+/// Runs random control transfers, while the coil runs its train as often as allowed.
 pub(crate) fn disturb_control(bench: &mut UsbBench, count: u32, seed: u64) -> ControlFindings {
     let mut chance = Chance::new(seed);
     let mut found = ControlFindings::default();
@@ -110,7 +111,7 @@ pub(crate) fn disturb_control(bench: &mut UsbBench, count: u32, seed: u64) -> Co
     found
 }
 
-/// The device as after its plug, whatever was set by chance, and the stream goes on.
+/// Restores the state after plugging, whatever was set at random; the stream continues.
 fn enumerate(bench: &mut UsbBench, found: &mut ControlFindings) {
     bench.probe.board.usb_mut().reset();
     bench.run(Time::from_ms(1));
@@ -118,7 +119,7 @@ fn enumerate(bench: &mut UsbBench, found: &mut ControlFindings) {
     found.enumerations += 1;
 }
 
-/// Begins the next train, which goes by RTT: it is not the PC at USB that may end it.
+/// Starts the next train, by a command over RTT, so that the PC at USB cannot end it.
 fn drive(bench: &mut UsbBench, found: &mut ControlFindings) {
     if bench.probe.board.bridge().awake {
         return;
@@ -126,7 +127,7 @@ fn drive(bench: &mut UsbBench, found: &mut ControlFindings) {
     add_levels(bench, found);
     bench.probe.command(&Command::Sweep);
     bench.run(Time::from_ms(20));
-    // The levels before the first period with current are none.
+    // Writes before the first period with current do not count.
     bench.probe.board.take_level_times();
 }
 
@@ -139,7 +140,7 @@ fn add_levels(bench: &mut UsbBench, found: &mut ControlFindings) {
     levels.longest_gap = levels.longest_gap.max(of_train.longest_gap);
 }
 
-/// Does a transfer; says whether the host gave it up.
+/// Runs a transfer; returns whether the host gave it up.
 fn one(
     bench: &mut UsbBench,
     mut transfer: ControlTransfer,
@@ -181,8 +182,8 @@ fn one(
         if outcome == ControlOutcome::Cancelled {
             bench.until_open(super::ENUMERATION);
         } else {
-            // It was over before. Or it had not begun and was done after the enumeration, where a
-            // SET_ADDRESS or a SET_CONFIGURATION ends the stream.
+            // It had ended before. Or it ran only after the enumeration, where a SET_ADDRESS or a
+            // SET_CONFIGURATION ends the stream.
             bench
                 .until(super::ENUMERATION, |bench| {
                     bench.probe.board.usb().description().is_some()
@@ -202,7 +203,7 @@ fn reset_after(bench: &mut UsbBench, time: Time) {
     let board = &mut bench.probe.board;
     board.run_for(time).expect("the image runs on");
     board.usb_mut().reset();
-    // What is ordered begins with the next step.
+    // The order takes effect with the next step.
     board
         .run_until(Time::from_us(10), |board| {
             board.usb().state() == UsbState::Resetting
@@ -210,12 +211,12 @@ fn reset_after(bench: &mut UsbBench, time: Time) {
         .expect("the bus is reset");
 }
 
-/// Whether a transfer asks for the device descriptor.
+/// Whether a transfer requests the device descriptor.
 fn asks_for_device(transfer: &ControlTransfer) -> bool {
     transfer.setup.starts_with(&DEVICE_DESCRIPTOR)
 }
 
-/// Whether an answer is the device descriptor, if that was asked for.
+/// Whether an answer is the device descriptor, if it was requested.
 fn is_right(bench: &UsbBench, transfer: &ControlTransfer, outcome: &ControlOutcome) -> bool {
     let (Some(data), true) = (outcome.data(), asks_for_device(transfer)) else {
         return true;
@@ -223,12 +224,13 @@ fn is_right(bench: &UsbBench, transfer: &ControlTransfer, outcome: &ControlOutco
     let [.., low, high] = transfer.setup;
     let asked = usize::from(u16::from_le_bytes([low, high])).min(transfer.read_limit);
     let description = bench.probe.board.usb().description();
-    // While it is enumerated again nothing is known.
+    // During another enumeration the description is unknown.
     let is_part = description.is_none_or(|it| it.device.starts_with(data));
     is_part && data.len() >= asked.min(18)
 }
 
-/// Runs until a transfer that begins is not over when the frame is, where the host gives it up.
+/// Runs up to a time at which a new transfer cannot finish within the frame, at whose end the host
+/// gives it up.
 fn late_in_frame(bench: &mut UsbBench) {
     let board = &mut bench.probe.board;
     let frame = board.usb().counts().frames;
@@ -280,8 +282,7 @@ fn draw(chance: &mut Chance) -> ControlTransfer {
     }
 }
 
-/// Whether it is one of the two requests after which the board starts anew, as the interface with
-/// number 2 takes them.
+/// Whether it is one of the two requests that reboot the board, sent to interface 2.
 fn starts_anew([kind, request, _, _, index, index_high, ..]: [u8; 8]) -> bool {
     kind == 0x21 && RESTARTS.contains(&request) && index == 2 && index_high == 0
 }
@@ -300,7 +301,7 @@ fn length(chance: &mut Chance) -> u16 {
     }
 }
 
-/// Interfaces and endpoints, those that there are and others.
+/// Existing and nonexistent interfaces and endpoints.
 fn index(chance: &mut Chance) -> u16 {
     chance.one_of(&[
         0, 1, 2, 3, 4, 5, 0x0F, 0x80, 0x81, 0x82, 0x83, 0x8F, 0xFF, 0x0100, 0xFFFF,
@@ -354,7 +355,7 @@ fn anything(chance: &mut Chance) -> [u8; 8] {
     setup
 }
 
-/// With as much data as the setup packet says, or with less or more.
+/// Adds as much data as the setup packet announces, or less, or more.
 fn with_data(setup: [u8; 8], chance: &mut Chance) -> ControlTransfer {
     let promised = usize::from(u16::from_le_bytes([setup[6], setup[7]]));
     let amount = match chance.below(6) {
@@ -369,7 +370,7 @@ fn with_data(setup: [u8; 8], chance: &mut Chance) -> ControlTransfer {
         ControlTransfer::with_data(setup, &data)
     } else {
         ControlTransfer {
-            // A host that wants nothing says so in wLength.
+            // A host that expects no data sets wLength to zero.
             read_limit: amount.min(promised).max(promised.min(1)),
             ..ControlTransfer::new(setup)
         }

@@ -1,4 +1,4 @@
-//! Two PCs at once, and one that sends rubbish.
+//! Two PCs at once, and one that sends garbage.
 
 use palpate_emulator::Time;
 use palpate_procedure::Link;
@@ -8,8 +8,8 @@ use palpate_wire::code::Outcome;
 use super::super::driven::drive;
 use super::{Chance, UsbBench, missing, streams};
 
-/// How long a current flows after the link that commanded it has fallen silent, while the other one
-/// has a command every 10 ms.
+/// Time for which a current flows after its commanding link has fallen silent, while the other link
+/// sends a command every 10 ms.
 pub(crate) fn silent_link(bench: &mut UsbBench, by: Link) -> Option<Time> {
     bench.arm();
     let line = drive(3.0, 0.0);
@@ -36,7 +36,7 @@ pub(crate) fn silent_link(bench: &mut UsbBench, by: Link) -> Option<Time> {
     None
 }
 
-/// What became of rubbish.
+/// Results of a flood of garbage.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FloodFindings {
     pub(crate) bytes: usize,
@@ -50,9 +50,9 @@ pub(crate) struct FloodFindings {
     pub(crate) restarts: u32,
 }
 
-/// Sends random bytes as fast as the bus takes them, with a command in every so many.
+/// Sends random bytes as fast as the bus takes them, with regular commands in between.
 pub(crate) fn flood(bench: &mut UsbBench, bytes: usize, seed: u64) -> FloodFindings {
-    /// Bytes from one command to the next.
+    /// Number of bytes between two commands.
     const APART: usize = 8_192;
     let mut chance = Chance::new(seed);
     let before = bench.status();
@@ -63,7 +63,7 @@ pub(crate) fn flood(bench: &mut UsbBench, bytes: usize, seed: u64) -> FloodFindi
         let length = APART.min(bytes - found.bytes);
         let rubbish: Vec<u8> = (0..length).map(|_| chance.word() as u8).collect();
         bench.probe.board.usb_mut().write(&rubbish);
-        // The end of what is no frame.
+        // Ends the invalid frame.
         bench.probe.board.usb_mut().write(&[0]);
         found.bytes += length + 1;
         let from = bench.port.frames.len();

@@ -18,17 +18,17 @@ use super::{RecordedBoard, coil};
 
 /// Exception number of USBCTRL_IRQ.
 pub(crate) const INTERRUPT: u32 = 16 + 5;
-/// From the plug or a reset to an open port: 100 ms until the device's contacts are still, resets and
-/// their recoveries, some twenty requests.
+/// Longest time from plugging or a reset to an open port: 100 ms of debouncing, resets with their
+/// recoveries, some twenty requests.
 const ENUMERATION: Time = Time::from_ms(400);
-/// From a start of the firmware to an open port.
+/// Longest time from a start of the firmware to an open port.
 const START: Time = Time::from_ms(800);
 
-/// What came by the serial port, and the numbers of what goes by it.
+/// Data received by the serial port, and the sequence of the data sent.
 #[derive(Clone)]
 pub(crate) struct SerialPort {
     pub(crate) frames: Vec<Frame<Record>>,
-    /// Frames that were cut, or begun in their middle.
+    /// Number of frames that were cut, at either end.
     pub(crate) damaged: u32,
     pub(crate) account: Account,
     pending: Vec<u8>,
@@ -62,19 +62,19 @@ impl SerialPort {
         }
     }
 
-    /// The account of the present run of the firmware.
+    /// Loss account of the firmware's present run.
     pub(crate) fn tally(&self) -> Tally {
         *self.account.current().expect("a record has come by USB")
     }
 
-    /// Forgets all records but the last, and the account with them.
+    /// Drops all records but the last, and clears the loss account.
     pub(crate) fn forget(&mut self) {
         self.frames.drain(..self.frames.len().saturating_sub(1));
         self.damaged = 0;
         self.account = Account::new();
     }
 
-    /// Counts what is missing, from now on.
+    /// Restarts the loss account.
     pub(crate) fn begin_account(&mut self) {
         self.forget();
         if let Some(last) = self.frames.last() {
@@ -91,7 +91,7 @@ impl SerialPort {
     }
 }
 
-/// Records that are missing, and how many of them the device says it has dropped.
+/// Number of missing records, and of those that the device reports as dropped.
 pub(crate) fn missing(tally: &Tally) -> (u64, u64) {
     (tally.missing(), tally.dropped_by_device())
 }
@@ -99,7 +99,7 @@ pub(crate) fn missing(tally: &Tally) -> (u64, u64) {
 /// A board with a PC at each of its links.
 #[derive(Clone)]
 pub(crate) struct UsbBench {
-    /// The board, and the PC at its probe.
+    /// The board, with the PC at its probe.
     pub(crate) probe: RecordedBoard,
     /// The PC at its USB port.
     pub(crate) port: SerialPort,
@@ -127,7 +127,7 @@ impl UsbBench {
         bench
     }
 
-    /// Runs, and takes what the board sends over either link every millisecond.
+    /// Runs, and reads both links every millisecond.
     pub(crate) fn run(&mut self, time: Time) {
         let end = self.probe.board.now() + time;
         while self.probe.board.now() < end {
@@ -142,7 +142,7 @@ impl UsbBench {
         self.port.take(&bytes);
     }
 
-    /// Runs until something is true, which is looked at every millisecond; says after how long.
+    /// Runs until a condition is true, checked every millisecond; returns the time taken.
     pub(crate) fn until(
         &mut self,
         limit: Time,
@@ -158,13 +158,13 @@ impl UsbBench {
         Some(self.probe.board.now() - begin)
     }
 
-    /// Whether the device is configured and the port open, with all that goes with it.
+    /// Whether the device is configured and the port open, with all related state.
     pub(crate) fn is_open(&self) -> bool {
         let host = self.probe.board.usb();
         host.state() == UsbState::Configured && host.description().is_some()
     }
 
-    /// Runs until the port is open and a record has come by it.
+    /// Runs until the port is open and has delivered a record.
     pub(crate) fn until_open(&mut self, limit: Time) -> Time {
         let begin = self.probe.board.now();
         self.until(limit, |bench| bench.is_open())
@@ -176,7 +176,7 @@ impl UsbBench {
         self.probe.board.now() - begin
     }
 
-    /// Sends a command over USB; returns its number.
+    /// Sends a command over USB; returns its sequence number.
     pub(crate) fn send(&mut self, command: &Command) -> u32 {
         let boot_id = self.port.frames.last().map_or(0, |it| it.header.boot_id);
         let (number, bytes) = self.port.encode(command, boot_id);
@@ -184,12 +184,12 @@ impl UsbBench {
         number
     }
 
-    /// The answer over USB to the command with this number, among the records from an index on.
+    /// Answer over USB to the command of a sequence number, among the records from an index on.
     pub(crate) fn answer(&self, from: usize, number: u32) -> Option<Acknowledgement> {
         answer(&self.port.frames[from..], number)
     }
 
-    /// Sends a command over USB and returns the answer and a record that comes with it or after it.
+    /// Sends a command over USB and returns its answer, with a record that comes with or after it.
     pub(crate) fn ask<T>(
         &mut self,
         command: &Command,
@@ -197,7 +197,7 @@ impl UsbBench {
     ) -> (Acknowledgement, T) {
         let from = self.port.frames.len();
         let number = self.send(command);
-        // What needs the coil waits for its test.
+        // A command that needs the coil waits for its test.
         for _ in 0..150 {
             self.run(Time::from_ms(1));
             let found = self.port.frames[from..]
@@ -210,12 +210,12 @@ impl UsbBench {
         panic!("{command:?} is not answered over USB");
     }
 
-    /// Sends a command over USB and returns what became of it.
+    /// Sends a command over USB and returns its outcome.
     pub(crate) fn command(&mut self, command: &Command) -> Outcome {
         self.ask(command, |_| Some(())).0.outcome
     }
 
-    /// The status, asked for over USB.
+    /// Status, requested over USB.
     pub(crate) fn status(&mut self) -> Status {
         let status = |record: &Record| match record {
             Record::Status(status) => Some(status.clone()),
@@ -238,7 +238,7 @@ impl UsbBench {
             .expect("the coil's test ends");
     }
 
-    /// Arms and begins a train over USB; returns within it, with current.
+    /// Arms and starts a train over USB; returns during the train, while current flows.
     pub(crate) fn begin_train(&mut self) {
         self.arm();
         assert_eq!(self.command(&Command::Sweep), Outcome::Accepted);
@@ -253,7 +253,7 @@ impl UsbBench {
     }
 }
 
-/// The answer to the command with this number.
+/// Answer to the command of a sequence number.
 pub(crate) fn answer(frames: &[Frame<Record>], number: u32) -> Option<Acknowledgement> {
     frames.iter().find_map(|frame| match &frame.message {
         Record::Acknowledgement(answer) if answer.command == number => Some(answer.clone()),
@@ -261,12 +261,12 @@ pub(crate) fn answer(frames: &[Frame<Record>], number: u32) -> Option<Acknowledg
     })
 }
 
-/// Chance of 64 bits (xorshift).
+/// A 64-bit random generator (xorshift).
 #[derive(Clone, Debug)]
 pub(crate) struct Chance(u64);
 
 impl Chance {
-    /// Every seed but 0.
+    /// A generator with any seed except 0.
     pub(crate) const fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }
@@ -278,7 +278,7 @@ impl Chance {
         (self.0 >> 32) as u32
     }
 
-    /// Below a limit.
+    /// A random number below a limit.
     pub(crate) const fn below(&mut self, limit: u32) -> u32 {
         self.word() % limit
     }

@@ -1,4 +1,4 @@
-//! Cables that are pulled, and boards that start anew.
+//! Unplugged cables and rebooted boards.
 
 use palpate_emulator::Time;
 use palpate_emulator::usb::{ControlOutcome, ControlTransfer};
@@ -8,7 +8,7 @@ use palpate_wire::command::Reboot;
 
 use super::{ENUMERATION, START, UsbBench};
 
-/// Pulls the cable and plugs it again after a time; says after how long the port was open.
+/// Unplugs the cable and plugs it in again after a time; returns the time until the port was open.
 pub(crate) fn replug(bench: &mut UsbBench, away: Time) -> Time {
     bench.probe.board.usb_mut().unplug();
     bench.run(away);
@@ -16,8 +16,8 @@ pub(crate) fn replug(bench: &mut UsbBench, away: Time) -> Time {
     bench.until_open(ENUMERATION)
 }
 
-/// Lets the board start anew by a command over USB; says after how long the port was open again, and
-/// the numbers of the two runs.
+/// Reboots the board by a command over USB; returns the time until the port was open again, and the
+/// boot ids of both runs.
 pub(crate) fn reboot(bench: &mut UsbBench) -> (Time, [u32; 2]) {
     let boot_id = |bench: &UsbBench| bench.port.frames.last().map_or(0, |it| it.header.boot_id);
     let before = boot_id(bench);
@@ -32,21 +32,21 @@ pub(crate) fn reboot(bench: &mut UsbBench) -> (Time, [u32; 2]) {
     (took, [before, boot_id(bench)])
 }
 
-/// What became of a request to start anew.
+/// Result of a request to restart.
 #[derive(Clone, Debug)]
 pub(crate) struct Restart {
     pub(crate) outcome: Option<ControlOutcome>,
-    /// From the request to the bridge's end; nothing if it was off.
+    /// Time from the request to the bridge's end; `None` if it was off.
     pub(crate) off: Option<Time>,
-    /// The bridge went off before the board was reset.
+    /// Whether the bridge went off before the board was reset.
     pub(crate) off_first: bool,
-    /// From the request to the reset.
+    /// Time from the request to the reset.
     pub(crate) reset: Time,
     pub(crate) in_boot_loader: bool,
 }
 
-/// Requests what picotool requests (pico-sdk, `pico/usb_reset_interface.h`): the boot loader is 1, the
-/// firmware 2.
+/// Sends picotool's requests (pico-sdk, `pico/usb_reset_interface.h`): 1 for the boot loader, 2 for
+/// the firmware.
 pub(crate) fn ask_for_restart(bench: &mut UsbBench, request: u8, value: u16) -> Restart {
     let description = bench.probe.board.usb().description().expect("a device");
     let interface = description.vendor_interface().expect("its interface");

@@ -1,4 +1,4 @@
-//! What comes by USB, and whether it is all of it.
+//! Checks that data over USB are complete.
 
 use palpate_emulator::{LevelTimes, Time};
 use palpate_wire::code::{Outcome, State, Stream};
@@ -8,40 +8,40 @@ use palpate_wire::{Command, Frame, Record};
 
 use super::{UsbBench, missing};
 
-/// From one status to the next, s: short enough to lie within a train.
+/// Interval between two status records, s: short enough to lie within a train.
 const STATUS_PERIOD_S: f32 = 0.1;
-/// For how long the stream goes on after a disturbance, for its account.
+/// Time for which the stream continues after a disturbance, for its account.
 const AFTERWARDS: Time = Time::from_ms(300);
 
-/// From the start of a frame to a bulk packet of it: 800 us are the limit (RP2040-E15).
+/// Latest time within a frame for a bulk packet; the limit is 800 us (RP2040-E15).
 pub(crate) const LATEST_PACKET: Time = Time::from_us(770);
 
-/// What became of a stream.
+/// Results of a stream.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StreamFindings {
     pub(crate) trains: u32,
-    /// Time in the trains.
+    /// Total time in trains.
     pub(crate) driven: Time,
-    /// Scans that the firmware has fetched, and those that the converter overwrote before.
+    /// Scans fetched by the firmware, and scans overwritten in the converter before that.
     pub(crate) scans: u32,
     pub(crate) scans_lost: u64,
-    /// Samples that came by USB, and those that say that one before them is missing.
+    /// Samples received by USB, and those marked as following a gap.
     pub(crate) samples: u32,
     pub(crate) samples_after_gap: u32,
-    /// Records that are missing by USB, and those that the device says it has dropped.
+    /// Records missing by USB, and those that the device reports as dropped.
     pub(crate) missing: (u64, u64),
-    /// Of the records by RTT.
+    /// Records missing by RTT.
     pub(crate) missing_by_rtt: u64,
     pub(crate) damaged: u32,
     pub(crate) levels: LevelTimes,
     pub(crate) edge_to_start: Time,
-    /// Greatest load that a status has reported, for a tenth of a second, in the trains and all in all.
+    /// Greatest load in a status record, over a tenth of a second, in trains and overall.
     pub(crate) load_in_train: f32,
     pub(crate) load: f32,
     pub(crate) restarts: u32,
 }
 
-/// Streams over both links for a time, with the coil in its train as often as it may be.
+/// Streams over both links for a time, while the coil runs its train as often as allowed.
 pub(crate) fn stream_in_trains(
     bench: &mut UsbBench,
     channels: u8,
@@ -97,7 +97,7 @@ pub(crate) fn stream_in_trains(
     found
 }
 
-/// A train from its command to its end; or after how long another one may be driven.
+/// Runs a train from its command to its end; the error is the time until another one is allowed.
 fn one_train(bench: &mut UsbBench, end: Time, found: &mut StreamFindings) -> Result<(), Time> {
     let from = bench.port.frames.len();
     assert_eq!(bench.command(&Command::Sweep), Outcome::Accepted);
@@ -114,10 +114,10 @@ fn one_train(bench: &mut UsbBench, end: Time, found: &mut StreamFindings) -> Res
     }
     assert!(bench.probe.board.bridge().awake, "the train begins");
     let begin = bench.probe.board.now();
-    // What was written before the first period with current belongs to no train.
+    // Writes before the first period with current do not belong to the train.
     bench.probe.board.take_level_times();
     take_frames(bench, false, found);
-    // The status that ends within the train may have begun before it.
+    // The status that ends within the train may cover time before it.
     pass(bench, Time::from_ms(120), false, found);
     while bench.probe.board.bridge().awake && bench.probe.board.now() < end {
         pass(bench, Time::from_ms(10), true, found);
@@ -141,7 +141,7 @@ fn pass(bench: &mut UsbBench, time: Time, in_train: bool, found: &mut StreamFind
     }
 }
 
-/// Counts what has come, and forgets it.
+/// Counts the received frames, and drops them.
 fn take_frames(bench: &mut UsbBench, in_train: bool, found: &mut StreamFindings) {
     for frame in bench.port.frames.drain(..bench.port.frames.len() - 1) {
         match frame.message {
@@ -169,7 +169,7 @@ fn take_frames(bench: &mut UsbBench, in_train: bool, found: &mut StreamFindings)
     frames.drain(..frames.len().saturating_sub(1));
 }
 
-/// The account of a stream whose reader stops for a time.
+/// Loss account of a stream whose reader stops for a time.
 pub(crate) fn stopped_reader(bench: &mut UsbBench, time: Time) -> Tally {
     begin(bench);
     bench.probe.board.usb_mut().set_reading(false);
@@ -179,7 +179,7 @@ pub(crate) fn stopped_reader(bench: &mut UsbBench, time: Time) -> Tally {
     bench.port.tally()
 }
 
-/// Begins an account over both links.
+/// Starts an account of both links.
 pub(super) fn begin(bench: &mut UsbBench) {
     bench.run(Time::from_ms(5));
     bench.port.begin_account();
@@ -187,7 +187,7 @@ pub(super) fn begin(bench: &mut UsbBench) {
 }
 
 impl UsbBench {
-    /// The account after DTR was off for a time.
+    /// Loss account after DTR was off for a time.
     pub(crate) fn close_and_open(&mut self, time: Time) -> Tally {
         begin(self);
         self.set_open(false);
@@ -197,12 +197,12 @@ impl UsbBench {
         self.port.tally()
     }
 
-    /// A program on the PC opens or closes the port.
+    /// Opens or closes the port, as a program on the PC.
     pub(crate) fn set_open(&mut self, is_open: bool) {
         self.probe.board.usb_mut().set_dtr(is_open);
     }
 
-    /// The account after the bus was suspended for a time.
+    /// Loss account after the bus was suspended for a time.
     pub(crate) fn suspend_and_resume(&mut self, time: Time) -> Tally {
         begin(self);
         self.probe.board.usb_mut().suspend();
@@ -212,7 +212,7 @@ impl UsbBench {
         self.port.tally()
     }
 
-    /// Samples that came by USB, and those of them that did not come by RTT with the same time.
+    /// Number of samples by USB, and of those without an equal sample of the same time by RTT.
     pub(crate) fn strange_samples(&self) -> (usize, usize) {
         let of = |frames: &[Frame<Record>]| -> Vec<(u64, Sample)> {
             let sample = |frame: &Frame<Record>| match &frame.message {
@@ -223,7 +223,7 @@ impl UsbBench {
         };
         let known: std::collections::BTreeMap<u64, Sample> =
             of(&self.probe.frames).into_iter().collect();
-        // The first ones may have come before the account by RTT began.
+        // The first samples may precede the start of the RTT account.
         let first_us = known.keys().next().copied().unwrap_or(u64::MAX);
         let came = of(&self.port.frames);
         let later = came.iter().filter(|(time_us, _)| *time_us >= first_us);
