@@ -12,55 +12,55 @@ use palpate_sim::thermal::{COPPER_PER_KELVIN, ThermalParameters, ThermalState};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Steps of a sequence; between two of them pass up to 600 periods, or half a second in one
-/// sequence of eight, which is for the heat.
+/// Number of steps of a sequence. Up to 600 periods pass between two of them, or half a second in
+/// one sequence of eight, to test heating.
 const STEPS: u32 = 12;
 const HOT: u64 = 8;
-/// Periods from one step of the temperatures to the next: 1 ms.
+/// Periods per step of the temperatures: 1 ms.
 const THERMAL_PERIODS: u32 = 62;
 /// Levels of the bridge's PWM: half of 16 us at 200 MHz.
 const FULL_LEVEL: f32 = 1_600.0;
-/// Above the limit to which the current is regulated: to where the driver switches off, 12.7 A. An
-/// overshoot of 2 %, 2 % of the measurement with its bow and offset, and a wide code add up to less;
-/// in a hundred thousand sequences two came to 12.62 A.
+/// Ratio of the driver's trip level, 12.7 A, to the limit of the regulated current. An overshoot of
+/// 2 %, 2 % of the measurement with its non-linearity and offset, and a wide code add up to less;
+/// in a hundred thousand sequences two reached 12.62 A.
 const CURRENT_MARGIN: f64 = 1.06;
-/// What the hardware's limit lets through of a dead short: 1.5 us of the greatest supply at 1 uH
-/// take 24 A; a pulse that is shorter than that is not seen at all, and another may follow before
-/// the next sample.
+/// Greatest current in a dead short that the hardware limit allows, A: 1.5 us of the greatest
+/// supply at 1 uH add 24 A. A shorter pulse is not detected at all, and another one may follow
+/// before the next sample.
 const PEAK_A: f64 = 15.0 + 1.5 * 24.0;
-/// Periods in which the driver learns that a fault of the circuit has ended.
+/// Periods in which the driver detects that a fault of the circuit has ended.
 const LEARNS: u32 = 200;
 /// Greatest difference of true and predicted copper temperature, K.
 const TEMPERATURE_K: f64 = 5.0;
 
-/// What a campaign has seen.
+/// Results of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    /// Sequences.
+    /// Number of sequences.
     pub sequences: u64,
-    /// Lines of the current that were begun, and orders that were refused.
+    /// Number of accepted current lines, and of refused orders.
     pub begun: u64,
     /// See [`begun`](Self::begun).
     pub refused: u64,
-    /// How often each fault was latched, by its place in [`Fault::ALL`].
+    /// Count of each latched fault, by its index in [`Fault::ALL`].
     pub faults: [u64; Fault::ALL.len()],
-    /// Largest current while the circuit was sound, A.
+    /// Largest current in a healthy circuit, A.
     pub greatest_a: f64,
-    /// Largest current of all, in dead shorts, A.
+    /// Largest current overall, in dead shorts, A.
     pub peak_a: f64,
-    /// Largest part of the allowed energy that was taken.
+    /// Largest share of the allowed energy that was used.
     pub energy: f64,
-    /// Largest error of the predicted copper temperature, K, and the highest temperature, K above
-    /// the beginning.
+    /// Largest error of the predicted copper temperature, K, and the highest temperature above the
+    /// initial one, K.
     pub error_k: f64,
     /// See [`error_k`](Self::error_k).
     pub rise_k: f64,
-    /// Limits that did not hold: seed and what happened.
+    /// Violated limits: seed and description.
     pub defects: Vec<(u64, String)>,
 }
 
 impl Summary {
-    /// Adds another.
+    /// Adds another summary.
     pub fn merge(&mut self, other: Self) {
         self.sequences += other.sequences;
         self.begun += other.begun;
@@ -87,7 +87,7 @@ pub fn campaign(first: u64, count: u64) -> Summary {
     summary
 }
 
-/// The pad of the reference stack, with the numbers of `model`'s own tests of it.
+/// Pad of the reference stack, with the values of `model`'s own tests of it.
 const HEAT: ThermalParameters = ThermalParameters {
     ambient_change_k: 0.0,
     growth_m_per_k: 0.0,
@@ -100,7 +100,8 @@ const HEAT: ThermalParameters = ThermalParameters {
     heating: 1.0,
 };
 
-/// The prediction, as the procedure makes it: two nodes, reported currents, the resistance found.
+/// Temperature prediction of the procedure: two nodes, reported currents, the identified
+/// resistance.
 struct Prediction {
     nodes: TwoNode,
     now: Temperatures,
@@ -116,9 +117,9 @@ struct GuardSequence {
     heat: ThermalParameters,
     state: ThermalState,
     prediction: Option<Prediction>,
-    /// Whether what was measured could be trusted so far.
+    /// Whether the measurement has been reliable so far.
     measured: bool,
-    /// Whether the circuit is sound now, and since when.
+    /// Whether the circuit is healthy, and since when.
     is_sound: bool,
     sound_since: u32,
     square_a2_s: f64,
@@ -130,7 +131,7 @@ struct GuardSequence {
     summary: Summary,
 }
 
-/// One sequence.
+/// Runs one sequence.
 #[must_use]
 pub fn run(seed: u64) -> Summary {
     let mut chance = Pcg64::seed_from_u64(seed);
@@ -223,8 +224,8 @@ impl GuardSequence {
             KelvinPerWatt(self.heat.copper_to_pad_k_per_w as f32),
             KelvinPerWatt(self.heat.pad_to_ambient_k_per_w as f32),
         );
-        // 25 degrees Celsius is where the plant counts from; the calibration knows the resistance
-        // within a percent.
+        // The plant counts from 25 degrees Celsius; the calibration knows the resistance within a
+        // percent.
         let error = self.chance.random_range(0.99..1.01);
         self.prediction = nodes.ok().map(|nodes| Prediction {
             nodes,
@@ -233,7 +234,7 @@ impl GuardSequence {
         });
     }
 
-    /// A fault of circuit, measurement, supply or supervision, or its end.
+    /// Starts or ends a fault of circuit, measurement, supply or supervision.
     fn disturb(&mut self) {
         let sound = self.sound;
         let control: &mut ControlLoop = &mut self.loop_;
@@ -316,7 +317,7 @@ impl GuardSequence {
             }
             8 => {
                 let peak_a = self.number(10.0);
-                // From one polarity to the other, ever less.
+                // Alternating polarity with decreasing peaks.
                 let half_wave = |of: i32| (peak_a * (-0.8_f32).powi(of), 1e-3);
                 self.loop_
                     .follow_all((0..12).map(half_wave).chain([(0.0, 1e-3)]))
@@ -336,7 +337,7 @@ impl GuardSequence {
         }
     }
 
-    /// As much current for as long as it may.
+    /// Drives the highest current for the longest allowed time.
     fn heat_up(&mut self) {
         if matches!(
             self.loop_.state(),
@@ -360,7 +361,7 @@ impl GuardSequence {
         }
     }
 
-    /// Lets a self-test come to its end, so that something can be driven.
+    /// Runs a self-test to its end, so that the coil can be driven.
     fn finish_test(&mut self) -> Result<(), coil_hbridge::Refusal> {
         self.loop_.order(&Supervisor::stop());
         self.loop_.order(&Supervisor::clear());
@@ -399,7 +400,7 @@ impl GuardSequence {
             self.defect("asleep with an input high".to_owned());
         }
         let driven = before == DriveState::Driving && period.output.awake;
-        // From the first pulse on: until then the bridge wakes.
+        // From the first pulse on: until then the bridge wakes up.
         let begun = self.awake_periods > 0 || levels.in1 > 0 || levels.in2 > 0;
         self.awake_periods = if driven && begun {
             self.awake_periods + 1
@@ -433,7 +434,7 @@ impl GuardSequence {
                 self.defect(format!("{current_a} A in a sound circuit"));
             }
         }
-        // Within two periods of the first sample that reads more than the limit, whatever reads it.
+        // Within two periods of the first sample above the limit.
         let over = measures && begin_a.abs() > 1.04 * f64::from(self.limits.trip_a);
         let drives = matches!(state, DriveState::Driving | DriveState::Testing);
         match (over && drives, self.above) {
@@ -446,7 +447,7 @@ impl GuardSequence {
         }
     }
 
-    /// A millisecond of heat and energy.
+    /// Advances heat and energy by a millisecond.
     fn warm(&mut self) {
         let totals = self.loop_.circuit.totals();
         let duration_s = f64::from(THERMAL_PERIODS) * 16e-6;
@@ -481,8 +482,8 @@ impl GuardSequence {
             return;
         };
         if !sound || !self.measured {
-            // What flows through a short or past the measurement heats something else, or unseen:
-            // the guards above bound it, and a prediction would be none.
+            // Current through a short, or past the measurement, heats something else or is
+            // unmeasured: the guards above bound it, and a prediction is impossible.
             self.measured = false;
             return;
         }

@@ -1,6 +1,6 @@
-//! Random fault schedules: a chip with random switches, a bus that misbehaves, and a program that
-//! does what the driver's documentation says. Every reading that the program ends up trusting is
-//! held against the simulated chip's own record of what it converted.
+//! Random fault schedules: a chip with random switches, an unreliable bus, and a program that
+//! follows the driver's documentation. Every reading that the program trusts is compared with the
+//! simulated chip's own record of the conversion.
 
 use std::{cell::RefCell, collections::BTreeMap, fmt};
 
@@ -17,54 +17,54 @@ use ldc161x_sim::{
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_pcg::Pcg64Mcg;
 
-/// Faults happen in the first part of a schedule, in milliseconds of simulated time; those that
-/// pass are over by its end.
+/// Faults happen in the first part of a schedule, in milliseconds of simulated time; temporary ones
+/// are over by its end.
 const FAULTS_MS: u64 = 60;
-/// Faults begin in this time.
+/// Faults start within this time.
 const FAULTS_BEGIN_WITHIN_MS: u64 = 40;
-/// The longest that a passing fault lasts.
+/// Longest duration of a temporary fault.
 const LONGEST_FAULT_MS: u64 = 20;
-/// A chip that is healthy again has to measure again, confirmed, after this time.
+/// Time after which a chip that is healthy again must deliver confirmed readings.
 const RECOVERY_MS: u64 = 60;
-/// A reading farther from the truth than this many of its standard deviations is wrong. A two-gate
-/// count errs by at most two reference periods in all, five of the least deviation.
+/// Number of standard deviations from the truth at which a reading is wrong. A two-gate count errs
+/// by at most two reference periods in all, five times the least deviation.
 const WRONG_FROM_SIGMA: f64 = 6.0;
 
-/// What a schedule may contain.
+/// Faults that a schedule may contain, and the protection against them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrity {
     /// Every word is read twice: any fault may happen.
     ReadTwice,
-    /// Every word is read once: faults that change bytes on the wire unseen are left out, since
+    /// Every word is read once: faults that change bytes undetected on the wire are left out, since
     /// the bus has no checksum.
     ReadOnce,
-    /// Every word is read once and any fault may happen: wrong words are counted, to show what
-    /// reading twice is for, and what the ratio of counts says of them.
+    /// Every word is read once and any fault may happen: wrong words are counted, to show the
+    /// benefit of reading twice and of the check by the ratio of counts.
     Unprotected,
 }
 
-/// How one schedule ended.
+/// Outcome of one schedule.
 #[derive(Clone, Debug)]
 pub struct ScheduleOutcome {
-    /// Documented errors met, by name.
+    /// Documented errors that occurred, by name.
     pub errors: BTreeMap<&'static str, u32>,
-    /// Readings trusted.
+    /// Number of trusted readings.
     pub trusted: u32,
-    /// Frames thrown away because a later comparison of registers failed.
+    /// Number of frames discarded because a later comparison of registers failed.
     pub withdrawn: u32,
-    /// Successful recoveries.
+    /// Number of successful recoveries.
     pub recoveries: u32,
-    /// Unprotected schedules: trusted readings that were another word than the chip's.
+    /// Unprotected schedules: trusted readings that differ from the chip's word.
     pub wrong: u32,
-    /// Of these, how many were plausible as ratios of counts.
+    /// Number of those that were plausible as ratios of counts.
     pub wrong_but_plausible: u32,
-    /// Whether it measured again at the end. A fault that never ends may prevent that.
+    /// Whether it measured again at the end. A permanent fault may prevent that.
     pub measuring: bool,
-    /// Whether a fault without an end was in it.
+    /// Whether the schedule contained a permanent fault.
     pub lasting_fault: bool,
 }
 
-/// A defect: what the driver must never do.
+/// A violation of the driver's promises.
 #[derive(Clone, Debug)]
 pub struct Defect(pub String);
 
@@ -111,8 +111,8 @@ pub fn run_with(integrity: Integrity, seed: u64) -> Result<ScheduleOutcome, Defe
     let mut registers_disturbed = false;
     for _ in 0..random.random_range(1..=4) {
         let (event, lasts) = fault(integrity, &mut random);
-        // A register that one fault changes and another one restores before it is compared leaves
-        // no trace but its conversions: at most one fault a schedule changes single registers.
+        // If one fault changes a register and another one restores it before it is compared, only
+        // the conversions show it: at most one fault per schedule changes single registers.
         let disturbs = matches!(
             event.fault,
             ChipFault::RegisterUpset { .. } | ChipFault::BrownOut(Lost::Registers(_))
@@ -134,7 +134,7 @@ pub fn run_with(integrity: Integrity, seed: u64) -> Result<ScheduleOutcome, Defe
     })
 }
 
-/// One in two schedules departs from the defaults in one switch, the others in any number.
+/// One in two schedules differs from the defaults in one switch, the others in any number.
 fn switches(seed: u64, integrity: Integrity, random: &mut Pcg64Mcg) -> Switches {
     let mut switches = if seed.is_multiple_of(2) {
         let all: Vec<_> = Switches::one_at_a_time().collect();
@@ -143,7 +143,7 @@ fn switches(seed: u64, integrity: Integrity, random: &mut Pcg64Mcg) -> Switches 
         random_switches(random)
     };
     if integrity != Integrity::ReadTwice {
-        // Without a latch the halves of a word can belong to two conversions, which only reading
+        // Without a latch the halves of a word can come from two conversions, which only reading
         // twice reveals.
         switches.shadow_latch = ShadowLatch::OnMsbRead;
     }
@@ -183,7 +183,7 @@ fn plan(integrity: Integrity, random: &mut Pcg64Mcg) -> Plan {
     ];
     let acquisition = *acquisitions.choose(random).expect("there are some");
     let channels = u32::from(acquisition.channel_count());
-    // Half of what the bus carries, or an eighth when each word costs twice.
+    // Half of the bus capacity, or an eighth when each word is read twice.
     let share = if integrity == Integrity::ReadTwice {
         8
     } else {
@@ -204,7 +204,7 @@ fn plan(integrity: Integrity, random: &mut Pcg64Mcg) -> Plan {
         .expect("the schedule's plan keeps every limit")
 }
 
-/// A random fault, and whether it lasts for ever.
+/// A random fault, and whether it is permanent.
 fn fault(integrity: Integrity, random: &mut Pcg64Mcg) -> (FaultEvent, bool) {
     let fault = kind(integrity, random);
     let begin = Time::from_us(random.random_range(0..FAULTS_BEGIN_WITHIN_MS * 1_000));
@@ -218,8 +218,8 @@ fn fault(integrity: Integrity, random: &mut Pcg64Mcg) -> (FaultEvent, bool) {
             ..
         } | ChipFault::EarlyStop { .. }
     );
-    // A chip that falls silent in the middle of a byte leaves ones on the wire, and nothing says
-    // so: read once, it is silent from the start of a transaction.
+    // A chip that falls silent in the middle of a byte leaves ones on the wire without any sign:
+    // for words read once, it is silent from the start of a transaction.
     let whole = integrity == Integrity::ReadOnce && fault == ChipFault::Absent;
     if isolated || whole || random.random_ratio(1, 3) {
         let first = random.random_range(0..400);
@@ -261,7 +261,7 @@ fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> ChipFault {
         8 => ChipFault::IntbStuck {
             low: random.random(),
         },
-        // From here on bytes change on the wire and nothing says so.
+        // The faults from here on change bytes undetected on the wire.
         9 => ChipFault::SdaStuck {
             clocks: random
                 .random::<bool>()
@@ -271,9 +271,8 @@ fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> ChipFault {
             let path = *[Path::ReadData, Path::WriteData, Path::Pointer]
                 .choose(random)
                 .expect("some");
-            // Single flips, or one in ten thousand bytes: a thousand times what a bus that
-            // deserves the name does. Both answers of one word are then struck alike less than
-            // once in a billion words.
+            // Single flips, or one in ten thousand bytes: a thousand times the rate of a reasonable
+            // bus. Both readings of one word are then hit alike less than once in a billion words.
             let strike = if random.random() {
                 Strike::Byte(random.random_range(0..12))
             } else {
@@ -287,14 +286,14 @@ fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> ChipFault {
     }
 }
 
-/// A reading that nothing has spoken against so far.
+/// A reading without any contrary evidence so far.
 struct Trusted {
     frame: u32,
     reading: ldc161x::Reading,
     truth: Option<TrueConversion>,
 }
 
-/// What a careful user's program does with the driver.
+/// A careful user's program with the driver.
 struct Program<'a, S> {
     chip: &'a RefCell<Chip<S>>,
     plan: &'a Plan,
@@ -303,9 +302,9 @@ struct Program<'a, S> {
     shutdown: ShutdownPin<'a, S>,
     delay: Delay<'a, S>,
     bus: Bus<'a, S>,
-    /// Read, and not yet confirmed by a round of register comparisons.
+    /// Readings not yet confirmed by a round of register comparisons.
     provisional: Vec<Trusted>,
-    /// Registers are compared after each of so many frames.
+    /// Number of frames between two register comparisons.
     frames_per_canary: u32,
     integrity: Integrity,
     failed: bool,
@@ -382,8 +381,8 @@ impl<'a, S: Sensors> Program<'a, S> {
         Ok(running)
     }
 
-    /// Every fault has passed, unless one lasts: the program has to find what is lost, recover,
-    /// and measure again.
+    /// All temporary faults have passed: unless a permanent one remains, the program must detect
+    /// its losses, recover, and measure again.
     fn finish(&mut self, mut running: bool, lasting_fault: bool) -> Result<(), Defect> {
         let end = self.now() + Time::from_ms(RECOVERY_MS);
         while self.now() < end && !self.outcome.measuring {
@@ -407,7 +406,7 @@ impl<'a, S: Sensors> Program<'a, S> {
         }
     }
 
-    /// Compares every register; what was read before is then confirmed, or withdrawn.
+    /// Compares every register; confirms or withdraws the earlier readings.
     fn verify(&mut self) -> Result<bool, Defect> {
         match self.driver.verify() {
             Ok(canary) => self.confirm(canary.confirmed).map(|()| true),
@@ -429,7 +428,7 @@ impl<'a, S: Sensors> Program<'a, S> {
             .map(drop)
     }
 
-    /// One frame, and now and then a canary. Whether the chip still runs.
+    /// Reads one frame, and compares registers now and then. Returns whether the chip still runs.
     fn measure(&mut self) -> Result<bool, Defect> {
         let frame = self
             .driver
@@ -437,7 +436,7 @@ impl<'a, S: Sensors> Program<'a, S> {
             .and_then(|()| self.driver.read_frame());
         let frame = match frame {
             Ok(frame) => frame,
-            // One failed transfer is tried again; anything else asks for recovery.
+            // One failed transfer is repeated; any other error requires a recovery.
             Err(error @ Error::Bus { .. }) if !self.failed => {
                 self.count(&error);
                 self.failed = true;
@@ -477,7 +476,8 @@ impl<'a, S: Sensors> Program<'a, S> {
         Ok(())
     }
 
-    /// Trusts what a complete round of comparisons has confirmed, and checks it against the truth.
+    /// Trusts the readings confirmed by a complete round of comparisons, and checks them against
+    /// the truth.
     fn confirm(&mut self, up_to: Option<u32>) -> Result<(), Defect> {
         let Some(up_to) = up_to else { return Ok(()) };
         let (confirmed, rest): (Vec<_>, Vec<_>) = self
@@ -507,7 +507,7 @@ impl<'a, S: Sensors> Program<'a, S> {
         self.provisional.clear();
     }
 
-    /// Books an error. Whether the program may go on as it is.
+    /// Counts an error. Returns whether the program may continue without a recovery.
     fn carry_on(&mut self, result: Result<(), DriverError>) -> bool {
         let Err(error) = result else { return true };
         self.count(&error);
@@ -533,9 +533,9 @@ impl<'a, S: Sensors> Program<'a, S> {
         *self.outcome.errors.entry(name).or_default() += 1;
     }
 
-    /// Nine clocks, the SD pin, the requested configuration, the probe.
+    /// Recovers: nine clocks, the SD pin, the requested configuration, the probe.
     fn recover(&mut self) -> bool {
-        // The pulses free SDA or they do not; either way the reset comes next.
+        // The pulses may free SDA or not; the reset follows in either case.
         let _ = self.bus.clock_pulses(9);
         let result = self
             .driver
@@ -547,13 +547,13 @@ impl<'a, S: Sensors> Program<'a, S> {
     }
 }
 
-/// A bus whose master gives a stuck line 1 ms.
+/// A bus whose master waits 1 ms for a stuck line.
 fn bus<S: Sensors>(chip: &RefCell<Chip<S>>) -> Bus<'_, S> {
     Bus::new(chip, 400_000).with_deadline(Time::from_ms(1))
 }
 
-/// A trusted reading has to be the word of the conversion that the chip says was read, and that
-/// conversion has to have been sound.
+/// Checks a trusted reading: it must be the word of the conversion that the chip recorded as read,
+/// and that conversion must be valid.
 fn check(trusted: &Trusted) -> Result<(), Defect> {
     let Trusted {
         reading,
@@ -581,24 +581,24 @@ fn check(trusted: &Trusted) -> Result<(), Defect> {
     Ok(())
 }
 
-/// What a campaign found.
+/// Results of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    /// Schedules run.
+    /// Number of schedules run.
     pub schedules: u64,
     /// Schedules that measured at their end.
     pub measuring: u64,
-    /// Schedules with a fault that never ends.
+    /// Schedules with a permanent fault.
     pub lasting: u64,
-    /// Readings trusted, all right.
+    /// Trusted readings, all right.
     pub trusted: u64,
-    /// Readings withdrawn.
+    /// Withdrawn readings.
     pub withdrawn: u64,
     /// Recoveries.
     pub recoveries: u64,
     /// Unprotected schedules: wrong words trusted.
     pub wrong: u64,
-    /// Of these, plausible as ratios of counts.
+    /// Those of them that were plausible as ratios of counts.
     pub wrong_but_plausible: u64,
     /// Documented errors by name.
     pub errors: BTreeMap<&'static str, u64>,

@@ -1,4 +1,4 @@
-//! Campaigns that the tests run in small and `cargo xtask evidence` runs in full.
+//! Campaigns that the tests run in a short form and `cargo xtask evidence` runs in full.
 
 pub mod coil;
 pub mod faults;

@@ -1,5 +1,5 @@
-//! The standard uncertainty that the driver states, against the scatter of the simulated chip's
-//! words about the true mean frequency of each conversion.
+//! The driver's stated standard uncertainty, against the scatter of the simulated chip's words
+//! about the true mean frequency of each conversion.
 
 use std::{cell::RefCell, f64::consts::PI};
 
@@ -22,33 +22,34 @@ pub struct ConverterCase {
     pub autoscan: bool,
     /// White noise of the sensors: relative standard deviation in 1 ms.
     pub noise_in_1_ms: f64,
-    /// Whether the driver's configuration states where the simulated comparator's falling edge is.
+    /// Whether the driver's configuration states the position of the simulated comparator's falling
+    /// edge.
     pub duty_is_known: bool,
-    /// How the simulated core counts.
+    /// Counting method of the simulated core.
     pub counter: Counter,
 }
 
-/// What one channel showed.
+/// Scatter of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// Root mean square of error over stated sigma: 1 where the statement is right.
+    /// Rms of error over stated sigma: 1 for a correct statement.
     pub rms: f64,
     /// Mean of error over stated sigma.
     pub bias: f64,
 }
 
-/// Where the simulated comparator's falling edge is: within what posted words allow, and at none
-/// of the values at which phases fall together.
+/// Position of the simulated comparator's falling edge: consistent with posted words, and away from
+/// the values at which phases coincide.
 const DUTY: f64 = 0.29;
-/// Half a sensor period in reference periods of 25 ns: four phases between the edges of sensor
-/// and reference, from in step (which quantises most) to half a step apart (least).
+/// Half a sensor period in reference periods of 25 ns: four phases between the edges of sensor and
+/// reference, from in step (greatest quantisation) to half a step apart (least).
 const HALF_PERIODS: [f64; 4] = [6.05, 6.27, 6.5, 5.73];
-/// The sensors sweep through this share of their frequency, so that no phase stands still: at
-/// the shortest conversion, RCOUNT 100, the count repeats itself after 0.06 %.
+/// Relative frequency sweep of the sensors, so that no phase stays constant: at the shortest
+/// conversion, RCOUNT 100, the count repeats after 0.06 %.
 const SWEEP: f64 = 0.01;
-/// Seconds from one end of the sweep to the other; no multiple of a conversion.
+/// Duration of a sweep from end to end, s; not a multiple of a conversion.
 const SWEEP_S: f64 = 1.618_034;
-/// Sweeps in a run of a random plan.
+/// Number of sweeps in a run of a random plan.
 const SWEEPS: f64 = 5.39;
 /// Longer than any frame.
 const LONGEST_FRAME: Time = Time::from_ms(60_000);
@@ -57,7 +58,7 @@ const LONGEST_FRAME: Time = Time::from_ms(60_000);
 ///
 /// # Errors
 ///
-/// What the driver or the plan complains of.
+/// Errors of the driver or of the plan.
 pub fn measure(case: &ConverterCase, readings: u32, seed: u64) -> Result<Vec<Scatter>, String> {
     let configuration = configuration(case)?;
     // With one channel the clock is halved, since its limit is 35 MHz.
@@ -70,13 +71,13 @@ pub fn measure(case: &ConverterCase, readings: u32, seed: u64) -> Result<Vec<Sca
     compare(&configuration, settings(case, seed), sensors, readings)
 }
 
-/// From 0 to 1 and back in two turns, each channel a quarter of a turn behind.
+/// A triangle from 0 to 1 and back in two turns, with each channel a quarter of a turn behind.
 fn sweep(channel: usize, turns: f64) -> f64 {
     ((turns + 0.25 * channel as f64).rem_euclid(2.0) - 1.0).abs()
 }
 
-/// Runs the driver on the simulated chip, and compares each reading with the true mean frequency of its
-/// conversion.
+/// Runs the driver on the simulated chip, and compares each reading with the true mean frequency of
+/// its conversion.
 fn compare(
     configuration: &Configuration,
     settings: Settings,
@@ -112,8 +113,8 @@ fn compare(
     Ok(sums.iter().take(channels).map(scatter).collect())
 }
 
-/// A plan for the sensors, with the RCOUNT of the case put in: the shortest conversions end
-/// sooner than the bus can fetch them, which is no plan but measures quantisation as well.
+/// A plan for the sensors, with the RCOUNT of the case: the shortest conversions end sooner than
+/// the bus can fetch them, which is not a usable plan but measures quantisation as well.
 fn configuration(case: &ConverterCase) -> Result<Configuration, String> {
     let acquisition = if case.autoscan {
         Acquisition::Autoscan(Sequence::ZeroToThree)
@@ -148,7 +149,7 @@ fn configuration(case: &ConverterCase) -> Result<Configuration, String> {
     Ok(configuration)
 }
 
-/// Quantisation and noise and nothing else: no shift by the drive, an exact clock.
+/// Only quantisation and noise: no shift by the drive, an exact clock.
 fn settings(case: &ConverterCase, seed: u64) -> Settings {
     Settings {
         seed,
@@ -166,8 +167,8 @@ fn settings(case: &ConverterCase, seed: u64) -> Settings {
     }
 }
 
-/// The cases of the campaign: RCOUNT 100 to 65,535, one channel and four, without noise and with
-/// the 1e-6 in 1 ms of this project's reference plants.
+/// Cases of the campaign: RCOUNT 100 to 65,535, one channel and four, without noise and with the
+/// 1e-6 in 1 ms of this project's reference plants.
 pub fn cases(counter: Counter, duty_is_known: bool) -> impl Iterator<Item = ConverterCase> {
     [100, 300, 1_000, 3_000, 10_000, 30_000, 65_535]
         .into_iter()
@@ -241,13 +242,13 @@ fn draw(random: &mut Pcg64) -> Request {
     .rate(rate)
 }
 
-/// A number between `low` and `high`, its logarithm evenly distributed.
+/// A log-uniform number between `low` and `high`.
 fn logarithmic(random: &mut Pcg64, low: f64, high: f64) -> f64 {
     low * (high / low).powf(random.random())
 }
 
-/// The sensors of a plan, which sweep through their range as a sine does: steps of the same size from
-/// reading to reading would meet the same rounding again and again.
+/// Sensors of a plan, which sweep sinusoidally through their range: equal steps from reading to
+/// reading would repeat the same rounding.
 #[derive(Clone)]
 struct Sweeping {
     sensor: Sensor,
@@ -274,7 +275,7 @@ impl Sensors for Sweeping {
 ///
 /// # Errors
 ///
-/// What the driver complains of.
+/// Errors of the driver.
 pub fn measure_plan(
     request: &Request,
     plan: &Plan,
@@ -304,9 +305,9 @@ pub fn measure_plan(
     compare(&plan.configuration, settings, sensors, readings)
 }
 
-/// How long the sensors take through their range: no whole part of the run, and so long that they move by a
-/// fifth of the stated uncertainty at most in a third of a period. The mean between the edges that are
-/// counted is then that of the whole conversion.
+/// Period of the sensors' sweep, s: not an integer fraction of the run, and so long that they move
+/// by at most a fifth of the stated uncertainty in a third of a period. The mean between the
+/// counted edges is then that of the whole conversion.
 fn sweep_s(sensor: &Sensor, plan: &Plan, readings: u32) -> f64 {
     let [low, high] = [sensor.lowest_hz, sensor.highest_hz].map(f64::from);
     let first = plan.configuration.acquisition.channels().next();

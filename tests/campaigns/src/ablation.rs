@@ -1,4 +1,5 @@
-//! What each part of the chain is worth: the same presses with one part left out or added.
+//! `cargo campaign ablation`: the benefit of each part of the chain, from the same presses with one
+//! part left out or added.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -26,11 +27,11 @@ use serde::Serialize;
 
 use crate::drawn::DrawnSensors;
 
-/// How deep the loads are pressed, in units of the working depth.
+/// Depth of the presses, in units of the working depth.
 const DEPTH: f64 = 1.0;
 
-/// A way to calibrate and to press. The instrument is the same in all: what is left out of it is left out of the
-/// settings and of the calibration that it is sent.
+/// A variant of calibration and press. The instrument itself is always the same: a part is left out
+/// of the settings and of the calibration that it receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Variant {
     OneTemperature,
@@ -84,7 +85,7 @@ impl Variant {
         )
     }
 
-    /// Leaves its part out of what the instrument is sent.
+    /// Removes the variant's part from a command to the instrument.
     fn leave_out(self, command: &mut Command) {
         match (self, command) {
             (Self::OneRamp, Command::SetSettings(settings)) => settings.ramps = 1,
@@ -113,7 +114,7 @@ struct Ablated {
     press: Press,
 }
 
-/// What all sensors come to with one variant and one load.
+/// Results of all sensors with one variant and one load.
 #[derive(Serialize)]
 struct Row {
     variant: &'static str,
@@ -121,8 +122,8 @@ struct Row {
     bin: Bin,
 }
 
-/// Press with parts of the chain added or left out: a bench at two temperatures, a check, the load cell, ramps, what the
-/// instrument corrects
+/// Press with parts of the chain added or left out: a bench at two temperatures, a check, the load
+/// cell, ramps, corrections of the instrument
 #[derive(Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -164,7 +165,7 @@ pub(crate) fn run(Arguments { drawn }: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All variants of one sensor, each pressed upon all loads.
+/// Presses of all variants of one sensor, each on all loads.
 fn of_sensor(
     drawn: &DrawnSensors,
     stack: &Stack,
@@ -201,7 +202,7 @@ fn of_sensor(
     Ok(presses)
 }
 
-/// What is written down on the bench of one sensor, at both temperatures.
+/// Bench data of one sensor, at both temperatures.
 struct TwoSessions {
     task: BenchTask,
     sessions: [Session; 2],
@@ -213,7 +214,7 @@ impl TwoSessions {
         Ok(Self { task, sessions })
     }
 
-    /// The session of which the calibration is.
+    /// Session on which the calibration is based.
     const fn first(&self) -> &Session {
         let [first, _] = &self.sessions;
         first
@@ -335,7 +336,7 @@ mod tests {
             let sent = bench.calibration(variant).unwrap().commands;
             let is_same = sent == whole.commands && !variant.is_checked();
             assert_eq!(is_same, variant == Variant::OneTemperature, "{variant:?}");
-            // What is left out has the form of the whole.
+            // A command with a part left out has the same kind.
             let kinds = |of: &[Command]| of.iter().map(discriminant).collect::<Vec<_>>();
             let is_warmed = matches!(
                 variant,

@@ -1,6 +1,8 @@
-//! `cargo campaign acceptance`: from nothing to a calibrated reading, as a user types it.
+//! `cargo campaign acceptance`: from an uncalibrated board to a calibrated reading, by the commands
+//! that a user types.
 //!
-//! Each verb runs in a process of its own; what one hands to the next is the board's flash alone.
+//! Each verb runs in its own process; the only data passed from one to the next are in the board's
+//! flash.
 
 use std::io::{self, Write};
 use std::time::Instant;
@@ -16,34 +18,35 @@ use serde::Deserialize;
 
 use crate::tool::Tool;
 
-/// Calibrate emulated boards that were never calibrated, measure with each, and compare with the truth
+/// Calibrate emulated boards that have no calibration, measure with each, and compare with the
+/// truth
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown. Exit code 1 when an interval for a spring of 1.5 c_S does not cover the truth.")]
 pub(crate) struct Arguments {
-    /// How many boards
+    /// Number of boards
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1_000))]
     boards: u64,
-    /// The first board's sensor; the following have the following seeds
+    /// Seed of the first board's sensor; the next boards have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[command(flatten)]
     image: image::Arguments,
 }
 
-/// What is pressed, in units of the sensing layer's nominal stiffness.
+/// Stiffness of the loads, in units of the sensing layer's nominal stiffness.
 const LOADS: [f64; 4] = [0.5, 1.0, JUDGED, 3.0];
-/// The one that decides.
+/// Load that decides the claim.
 const JUDGED: f64 = 1.5;
 
-/// What is read of `palpate calibrate sensor --json`.
+/// Fields read from `palpate calibrate sensor --json`.
 #[derive(Deserialize)]
 struct Calibrated {
     stored: bool,
     configuration_crc: u32,
 }
 
-/// What is read of `palpate measure --json`.
+/// Fields read from `palpate measure --json`.
 #[derive(Deserialize)]
 struct Measured {
     stiffness_n_per_m: Option<f64>,

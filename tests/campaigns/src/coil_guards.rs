@@ -1,4 +1,4 @@
-//! The campaign of random sequences for the coil's driver in full: see `system_tests::coil`.
+//! The full campaign of random sequences for the coil's driver; see `system_tests::coil`.
 
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -9,14 +9,14 @@ use clap::Args;
 use coil_hbridge::Fault;
 use system_tests::coil::{Summary, campaign};
 
-/// Run random sequences of orders, settings, faults and clocks and hold the truth against every
+/// Run random sequences of orders, settings, faults and clocks, and check the truth against every
 /// limit
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// How many sequences
+    /// Number of sequences
     #[arg(long, default_value_t = 100_000)]
     sequences: u64,
-    /// The seed of the first sequence; the others follow
+    /// Seed of the first sequence; the next sequences have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }

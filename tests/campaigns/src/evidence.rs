@@ -1,4 +1,4 @@
-//! How a campaign hands its result to `cargo xtask evidence`.
+//! Passes a campaign's result to `cargo xtask evidence`.
 
 use std::process::ExitCode;
 

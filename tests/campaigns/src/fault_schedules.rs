@@ -1,4 +1,4 @@
-//! The campaign of random fault schedules in full: see `system_tests::faults`.
+//! The full campaign of random fault schedules; see `system_tests::faults`.
 
 use std::{fmt::Write, process::ExitCode, thread};
 
@@ -7,13 +7,13 @@ use system_tests::faults::{self, Integrity, Summary, campaign, run_with};
 
 use crate::evidence::conclude;
 
-/// Run random fault schedules and hold every trusted reading against the truth.
+/// Run random fault schedules and check every trusted reading against the truth.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// How many schedules
+    /// Number of schedules
     #[arg(long, default_value_t = 100_000)]
     schedules: u64,
-    /// The seed of the first schedule; the others follow
+    /// Seed of the first schedule; the next schedules have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -33,7 +33,7 @@ pub(crate) fn run(&Arguments { schedules, seed }: &Arguments) -> ExitCode {
     conclude(&text, summary.defects.is_empty())
 }
 
-/// What reading twice is for: no claim, but a figure.
+/// Benefit of reading twice: a figure, not a claim.
 fn describe_unprotected(summary: &Summary) -> String {
     format!(
         "\n## The same faults with every word read once\n\n\

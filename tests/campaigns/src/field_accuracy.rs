@@ -1,6 +1,7 @@
-//! Measures the solver on every built-in design: figures with their estimated and true errors,
-//! profiles, force by two methods, Newton steps, time. The truth is a solution of fourth order with
-//! a tolerance thirty times tighter, whose own error is far below what is judged here.
+//! `cargo campaign field-accuracy`: measures the solver on every built-in design: figures with
+//! their estimated and true errors, profiles, force by two methods, Newton steps, time. The truth
+//! is a fourth-order solution with a tolerance thirty times tighter, whose own error is far below
+//! the errors judged here.
 //!
 //! Prints Markdown for `cargo xtask evidence field-accuracy`; fails where a claim does not hold.
 
@@ -25,7 +26,7 @@ const FINE: Accuracy = Accuracy {
     order: 4,
     most_unknowns: 300_000,
 };
-/// As `palpate field profile` asks for.
+/// Tolerance of `palpate field profile`.
 const SHARP: f64 = 2e-3;
 const CLAIMED: f64 = 1e-4;
 const CLAIMED_PROFILE: f64 = 1e-2;
@@ -44,7 +45,7 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-/// What was found of one design.
+/// Results of one design.
 struct AccuracyRow {
     text: [String; 4],
     holds: bool,
@@ -88,8 +89,8 @@ fn measured() -> Result<bool, Box<dyn core::error::Error>> {
     Ok(holds)
 }
 
-/// A ring above copper sheets, wide and thin, at a frequency: estimated against true errors. Returns whether
-/// every estimate covers its error.
+/// A ring above copper sheets, wide and thin, at a frequency: estimated against true errors.
+/// Returns whether every estimate covers its error.
 fn sheets() -> Result<bool, Box<dyn core::error::Error>> {
     const RADIUS_M: f64 = 10.0;
     const COPPER_S_PER_M: f64 = 5.8e7;
@@ -209,7 +210,7 @@ fn judge(design: &Design) -> Result<AccuracyRow, SolveError> {
     })
 }
 
-/// The true error of each figure over its estimate; 0 where there is no such figure.
+/// Ratio of true to estimated error of each figure; 0 where there is no such figure.
 fn ratios(solved: &Solved, fine: &Solved) -> [f64; 10] {
     let of = |f: &Figures| {
         let [r8, r6, r4] = f.cv;
@@ -252,7 +253,7 @@ fn timed(f: impl Fn() -> Result<Solved, SolveError>) -> Result<(Solved, Duration
     Ok((f()?, least))
 }
 
-/// The greatest relative difference along each line.
+/// Greatest relative difference along each line.
 fn profiles(design: &Design, solved: Solved, fine: Solved) -> Result<[f64; 6], SolveError> {
     let lines = lines(design, &solved);
     let all: Vec<Point> = lines.iter().flatten().copied().collect();

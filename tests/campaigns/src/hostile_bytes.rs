@@ -1,4 +1,4 @@
-//! The campaign of hostile bytes in full: see `system_tests::hostile`.
+//! The full campaign of hostile bytes; see `system_tests::hostile`.
 
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -8,17 +8,16 @@ use crate::evidence::conclude;
 use clap::Args;
 use system_tests::hostile::{Summary, campaign};
 
-/// From the first seed of a thread to that of the other: more scripts than either plays
+/// Distance of the first seeds of two threads: more scripts than either plays.
 const APART: u64 = 1 << 32;
 
-/// Send random and hostile bytes over both links of the native board and hold what happens against
-/// its promises
+/// Send random and hostile bytes over both links of the native board, and check its promises
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// How many frames and other runs of bytes
+    /// Number of frames and other runs of bytes
     #[arg(long, default_value_t = 1_000_000)]
     frames: u64,
-    /// The seed of the first script; the others follow
+    /// Seed of the first script; the next scripts have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }

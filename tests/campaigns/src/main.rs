@@ -1,4 +1,5 @@
-//! Campaigns: long runs over many sensors, boards and faults, whose results are the pages of docs/evidence.
+//! Campaigns: long runs over many sensors, boards and faults. Their results are the pages of
+//! docs/evidence.
 
 mod ablation;
 mod acceptance;
@@ -49,18 +50,18 @@ enum Campaign {
     ImageFaults,
     /// Rates, latencies and losses of the image
     ImageRates,
-    /// Time stamps of the image after starts of the converter and changes of settings
+    /// Time stamps of the image after restarts of the converter and changes of settings
     ImageStarts,
-    /// Settings and calibration in the flash of the image: cuts of power, bits that flip
+    /// Settings and calibration in the flash of the image: power cuts, flipped bits
     ImageStorage,
-    /// The image at a USB host: streams, interruptions, control transfers, new starts
+    /// The image at a USB host: streams, interruptions, control transfers, restarts
     ImageUsb(drawn::Seed),
     Misfit(misfit::Arguments),
     Recordings(recordings::Arguments),
     Series(series::Arguments),
     Sigma(sigma::Arguments),
     Springs(springs::Arguments),
-    /// Settings and calibration in the flash: turned bits, garbage, power cuts, wear
+    /// Settings and calibration in the flash: flipped bits, garbage, power cuts, wear
     Storage(drawn::Seed),
 }
 

@@ -1,4 +1,5 @@
-//! `cargo campaign misfit`: what a press is worth whose disturbance the calibration left out.
+//! `cargo campaign misfit`: results of presses with a disturbance that the calibration does not
+//! include.
 
 use std::io::{self, Write};
 
@@ -21,24 +22,24 @@ use palpate_simulate::verdict::Verdict;
 use palpate_wire::code::RefusalReason;
 use rayon::prelude::*;
 
-/// Calibrate sensors without a disturbance, press with it, and count what is covered or refused
+/// Calibrate sensors without a disturbance, press with it, and count covered and refused presses
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown. Exit code 1 when fewer than 99 % of the presses whose disturbance bends the line are \
 covered or refused, or when more than 0.5 % of the presses without any are refused as misfits.")]
 pub(crate) struct Arguments {
-    /// How many sensors are drawn; 60 presses with a disturbance that bends the line on each
+    /// Number of sensors; each is pressed 60 times with a disturbance that bends the line
     #[arg(long, default_value_t = 17, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     plants: u64,
-    /// The first sensor; the following have the following seeds
+    /// Seed of the first sensor; the next sensors have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Standard uncertainty of the rise that the calibrations state, for what no press shows
+    /// Standard uncertainty of the rise in the calibrations, for effects that no press shows
     #[arg(long, default_value_t = 0.05)]
     allowance: f32,
 }
 
-/// What a calibration does not contain and a press does.
+/// Disturbance of the press that the calibration does not include.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LeftOut {
     Nothing,
@@ -52,9 +53,9 @@ pub(crate) enum LeftOut {
 }
 
 impl LeftOut {
-    /// Those that bend the line of a ramp.
+    /// Disturbances that bend the line of a ramp.
     const BENDING: [Self; 4] = [Self::Lag, Self::Play, Self::Saturation, Self::All];
-    /// Those with the shape of the signal itself.
+    /// Disturbances with the shape of the signal itself.
     const ALIKE: [Self; 2] = [Self::Creep, Self::Rise];
 
     const fn name(self) -> &'static str {
@@ -69,7 +70,7 @@ impl LeftOut {
         }
     }
 
-    /// Smallest and largest size, from which sizes are drawn log-uniformly.
+    /// Least and greatest size; sizes are drawn log-uniformly.
     const fn range(self) -> (f64, f64) {
         match self {
             Self::Nothing => (1.0, 1.0),
@@ -82,7 +83,7 @@ impl LeftOut {
         }
     }
 
-    /// The sensor as the bench has it.
+    /// Sensor on the bench.
     pub(crate) fn on_the_bench(self, drawn: &Parameters) -> Parameters {
         match self {
             Self::Nothing | Self::Saturation | Self::Rise => drawn.clone(),
@@ -111,7 +112,7 @@ impl LeftOut {
     }
 }
 
-/// Creep so many times as large as it was drawn.
+/// Sets the creep to `times` its drawn amplitude.
 fn creep(pressed: &mut Parameters, drawn: &Parameters, times: f64) {
     for (layer, drawn) in [
         (&mut pressed.sensing, &drawn.sensing),
@@ -125,16 +126,16 @@ fn creep(pressed: &mut Parameters, drawn: &Parameters, times: f64) {
 
 /// Loads in units of c_S.
 const LOADS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
-/// Presses on each load: as many sizes.
+/// Number of presses on each load, each with its own size.
 const SIZES: usize = 3;
 
-/// A press and what came of it.
+/// A press with its result.
 struct Press {
     left_out: LeftOut,
     allowance: bool,
-    /// Of the load, in units of c_S.
+    /// Stiffness of the load, in units of c_S.
     ratio: f64,
-    /// Where the size lies within its range, 0 to 1.
+    /// Position of the size within its range, 0 to 1.
     part: f64,
     measured: Measured,
 }
@@ -195,7 +196,7 @@ fn presses(
     let mut presses = Vec::new();
     for &ratio in ratios {
         for location in 0..SIZES {
-            // One of each third of the range.
+            // One from each third of the range.
             let part = (location as f64 + chance.between(0.0, 1.0)) / SIZES as f64;
             let (least, greatest) = left_out.range();
             let mut size = least * (greatest / least).powf(part);
@@ -228,7 +229,7 @@ fn presses(
     Ok(presses)
 }
 
-/// A press upon a spring, as deep as the sensor is meant to be pressed.
+/// A press on a spring, to the sensor's intended depth.
 fn on_spring(
     pressed: &CalibratedInstrument,
     n_per_m: f64,
@@ -365,8 +366,8 @@ mod tests {
 
     use super::*;
 
-    /// A sensor whose lag, play and creep its calibration does not have; and how it is pressed: with
-    /// the creep as drawn, a lag of 10 ms and a play of a tenth.
+    /// A sensor whose calibration has no lag, play and creep, while the press has: the creep as
+    /// drawn, a lag of 10 ms and a play of a tenth.
     fn without_lag_play_and_creep(seed: u64) -> CalibratedInstrument {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), seed);
@@ -404,7 +405,7 @@ mod tests {
         }
     }
 
-    /// The firmware's image on an emulated board.
+    /// The firmware image on an emulated board.
     struct OnBoard(Image);
 
     impl Engine for OnBoard {
@@ -429,7 +430,7 @@ mod tests {
         is_refused(&without_lag_play_and_creep(1), 1.0, &OnBoard(image));
     }
 
-    /// The campaign in small: one sensor and one load.
+    /// A small version of the campaign: one sensor and one load.
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn what_bends_the_line_is_covered_or_refused() {

@@ -1,4 +1,5 @@
-//! Presses in a row, in a world that goes on: what one leaves behind meets the next.
+//! `cargo campaign series`: presses in a row in a continuing world, where each press may affect the
+//! next.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -31,22 +32,22 @@ use serde::Serialize;
 
 use crate::drawn::DrawnSensors;
 
-/// Nothing touches any more when the object has been gone for so long, s.
+/// Time after which nothing touches any more once the object is gone, s.
 const GONE_S: f64 = 1.0;
-/// A refusal comes so soon after lift-off if it speaks of it, s.
+/// Time after lift-off in which a refusal may still concern the press, s.
 const SOON_S: f64 = 0.2;
-/// From one change of the ambient temperature to the next.
+/// Interval between two changes of the ambient temperature.
 const SLICE: Time = Time::from_ms(1_000);
-/// How the room warms or cools, K/s, and how far, K.
+/// Greatest rate at which the room warms or cools, K/s, and greatest change, K.
 const WARMING_K_PER_S: f64 = 2.0 / 60.0;
 const MOST_WARMING_K: f64 = 10.0;
 
-/// How the presses of a series are drawn.
+/// Ranges from which the presses of a series are drawn.
 #[derive(Clone, Copy, Debug)]
 struct SeriesPlan {
     /// Time between two presses, s.
     gap_s: (f64, f64),
-    /// Time for which an object is held, s.
+    /// Time for which the object is pressed, s.
     held_s: (f64, f64),
     /// Depth, in units of the working depth.
     depth: (f64, f64),
@@ -58,25 +59,25 @@ const PLAN: SeriesPlan = SeriesPlan {
     depth: (0.1, 1.4),
 };
 
-/// What one sensor made of its series.
+/// Results of one sensor's series.
 #[derive(Clone, Debug, Default)]
 struct Series {
     presses: Vec<Press>,
-    /// Measured once more after a long hold, just before lift-off.
+    /// Repeated measurements after a long hold, just before lift-off.
     held: Vec<Press>,
     found: Defects,
 }
 
-/// What must not be.
+/// Counts of forbidden results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 struct Defects {
-    /// Contacts with nothing there, a second after lift-off or later.
+    /// Contacts without an object, a second after lift-off or later.
     ghosts: usize,
-    /// Presses, and taps, that were not found.
+    /// Presses and taps that were not detected.
     missed: usize,
-    /// Refusals after lift-off that do not speak of it.
+    /// Later refusals for another reason than the lost contact.
     refusals: usize,
-    /// Objects that lay there at power on and were not found within two seconds.
+    /// Objects on the sensor at power on that were not detected within two seconds.
     lying: usize,
 }
 
@@ -93,13 +94,13 @@ impl Defects {
     }
 }
 
-/// A board whose sensor is pressed in a row.
+/// A board whose sensor is pressed repeatedly.
 struct Row<'a> {
     board: NativeBoard<'a>,
     chance: Stream,
     warming_k_per_s: f64,
     ambient_k: f64,
-    /// Whether a fault stood at the last record of a change.
+    /// Whether a fault was latched at the last state change.
     faulted: bool,
     found: Defects,
 }
@@ -117,7 +118,7 @@ impl Row<'_> {
         Ok(())
     }
 
-    /// Moves the object and waits until it is there.
+    /// Moves the object and waits until it has arrived.
     fn move_to(&mut self, position_m: f64) -> Result<(), BoardError> {
         let from_m = self.board.with_world(|world| world.planned_press_m());
         self.board
@@ -125,7 +126,7 @@ impl Row<'_> {
         self.run((position_m - from_m).abs() / SPEED_M_PER_S)
     }
 
-    /// Presses so deep for so long, and lifts. The records until lift-off.
+    /// Presses to a depth for a time; returns the records until lift-off.
     fn press(&mut self, depth_m: f64, held_s: f64) -> Result<Vec<Frame<Record>>, BoardError> {
         self.board.take_frames();
         let travel_m = self
@@ -136,7 +137,7 @@ impl Row<'_> {
         Ok(self.board.take_frames())
     }
 
-    /// Lifts, and waits for so long: whatever is in contact then is a ghost.
+    /// Lifts, and waits for a time: any contact after that is a ghost.
     fn lift(&mut self, gap_s: f64) -> Result<(), BoardError> {
         self.move_to(-CLEARANCE_M)?;
         let lifted_s = self.board.now().as_secs_f64();
@@ -162,7 +163,8 @@ impl Row<'_> {
         Ok(())
     }
 
-    /// Counts a touch that is not found, unless a fault stands: it is reported, and the outcome of the press names it.
+    /// Counts an undetected contact, unless a fault is latched: the board reports the fault, and
+    /// the press's outcome names it.
     fn expect_touch(&mut self, frames: &[Frame<Record>]) {
         let stands = |frame: &Frame<Record>| match &frame.message {
             Record::State(change) => Some(change.state == State::Fault),
@@ -184,7 +186,7 @@ impl Row<'_> {
     }
 }
 
-/// What came of a press: the last result before lift-off.
+/// Outcome of a press: the last result before lift-off.
 fn outcome(frames: &[Frame<Record>], nothing: &str) -> Result<Claim, String> {
     let result = frames.iter().rev().find_map(|frame| match &frame.message {
         Record::Estimate(estimate) => Some(Ok(Claim::from(estimate))),
@@ -239,7 +241,8 @@ impl Series {
 }
 
 impl Row<'_> {
-    /// Power on, in one of four series with something on the sensor, and armed, in half of those while it lies there.
+    /// Power on. In one of four series an object lies on the sensor, and in half of those the board
+    /// is armed while it lies there.
     fn begin(&mut self, instrument: &CalibratedInstrument) -> Result<(), Failure> {
         let lies = self.chance(0.25);
         let lifted_first = self.chance(0.5);
@@ -282,7 +285,7 @@ impl Row<'_> {
         Ok(self.lift(gap_s)?)
     }
 
-    /// A press of the series, and the gap after it.
+    /// A press of the series, with the gap after it.
     fn one(
         &mut self,
         series: &mut Series,
@@ -292,7 +295,7 @@ impl Row<'_> {
     ) -> Result<(), Failure> {
         let (low, high) = plan.depth;
         let depth_m = self.chance.between(low, high) * instrument.depth_m;
-        // A fault disarms; a user would see it.
+        // A fault disarms; a user would notice it and arm again.
         self.board.send(Command::Arm)?;
         let held_s = self.chance.log_between(plan.held_s.0, plan.held_s.1);
         let gap_s = self.chance.log_between(plan.gap_s.0, plan.gap_s.1);
@@ -324,7 +327,7 @@ impl Row<'_> {
         Ok(self.lift(gap_s)?)
     }
 
-    /// The settings are sent once more, while the object is there.
+    /// Sends the settings again while the object presses.
     fn set_again(&mut self, instrument: &CalibratedInstrument) -> Result<(), Failure> {
         self.board.send(Command::Disarm)?;
         let settings = instrument.calibration.commands.iter();
@@ -336,7 +339,7 @@ impl Row<'_> {
     }
 }
 
-/// What many sensors came to.
+/// Results of many sensors.
 #[derive(Serialize)]
 struct SeriesResult {
     stack: String,
@@ -350,8 +353,8 @@ struct SeriesResult {
     after_a_long_hold: Counted,
 }
 
-/// Press each sensor many times in a row, in a world that goes on: taps, short gaps, long holds, something on the sensor
-/// at power on, a room that warms
+/// Press each sensor many times in a row, in a continuing world: taps, short gaps, long holds,
+/// objects on the sensor at power on, a room that warms
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown. Exit code 1 for any contact with nothing there, any press that is missed, any refusal after lift-off that \
@@ -359,7 +362,7 @@ does not speak of it, and when intervals contain the truth too seldom.")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     drawn: DrawnSensors,
-    /// How often each sensor is pressed
+    /// Number of presses of each sensor
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     presses: u32,
 }
@@ -518,7 +521,8 @@ impl SeriesResult {
         table
     }
 
-    /// Fails for anything that must not be, and where intervals hold less often than they say.
+    /// Fails for any forbidden result, and where the coverage of the intervals is below their
+    /// level.
     fn judge(&self, sensors: usize) -> Result<(), Failure> {
         if !self.found.is_none() {
             return Err(Failure::Refused(format!("{:?}", self.found)));

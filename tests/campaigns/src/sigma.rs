@@ -1,4 +1,4 @@
-//! The stated standard uncertainty against the scatter, in full: see `system_tests::sigma`.
+//! The stated standard uncertainty against the scatter, in full; see `system_tests::sigma`.
 
 use std::{fmt::Write, ops::RangeInclusive, process::ExitCode};
 
@@ -11,10 +11,10 @@ use crate::evidence::conclude;
 /// Compare stated standard uncertainties with the scatter about the truth.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Readings of each channel in each case
+    /// Number of readings of each channel in each case
     #[arg(long, default_value_t = 20_000)]
     readings: u32,
-    /// Random plans to run
+    /// Number of random plans to run
     #[arg(long, default_value_t = 200)]
     plans: usize,
     /// Seed of the simulated chip
@@ -111,11 +111,11 @@ fn row(text: &mut String, case: &ConverterCase, ratios: &[f64]) {
     );
 }
 
-/// Readings of each channel by each random plan: they fix a standard deviation to 1.6 %.
+/// Readings of each channel by each random plan: they determine a standard deviation to 1.6 %.
 const READINGS_OF_A_PLAN: u32 = 2_000;
-/// What is claimed of every random plan.
+/// Claimed range of every random plan.
 const OF_A_PLAN: RangeInclusive<f64> = 0.9..=1.1;
-/// Where the frequencies of the sensors are parted, in hertz.
+/// Limits of the sensors' frequency decades, Hz.
 const DECADES_HZ: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 1e7];
 
 fn report_plans(text: &mut String, arguments: &Arguments) -> bool {

@@ -1,5 +1,5 @@
-//! `cargo campaign springs`: a calibration by springs alone beside one with a load cell, and what good sessions
-//! come to in the checks of their data.
+//! `cargo campaign springs`: a calibration by springs alone beside one with a load cell, and the
+//! check figures of good sessions.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -23,14 +23,14 @@ use palpate_simulate::engine::Native;
 use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
 use palpate_simulate::results::Measured;
 
-/// Calibrate many simulated sensors by load cell and by springs alone, press the demo's row on both, and
-/// compare errors and intervals; print what the checks of good data come to
+/// Calibrate many simulated sensors by load cell and by springs alone, press the demo's loads on
+/// both, and compare errors and intervals; print the check figures of good data
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// How many sensors are drawn
+    /// Number of sensors
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     plants: u64,
-    /// The first sensor; the following have the following seeds
+    /// Seed of the first sensor; the next sensors have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Kind of sensor: paper, soft-closed, ultrasoft
@@ -38,10 +38,10 @@ pub(crate) struct Arguments {
     stack: String,
 }
 
-/// The two ways, in the order of the columns.
+/// Both methods, in the order of the columns.
 const WAYS: [&str; 2] = ["load cell", "springs alone"];
 
-/// One sensor: what each way made of the row of loads, and all checks of both.
+/// One sensor: the results of each method on the loads, and all checks of both.
 struct Plant {
     ways: [Result<Vec<Measured>, String>; 2],
     checked: Vec<CheckedFigure>,
@@ -101,7 +101,7 @@ fn row(instrument: &CalibratedInstrument) -> Result<Vec<Measured>, Failure> {
         .collect()
 }
 
-/// All checks of a session.
+/// All check figures of a session.
 fn checked(session: &Session, known: &Known) -> Vec<CheckedFigure> {
     let untouched = session.runs.first();
     let runs = session.runs.iter().chain([&session.deepest_press]);
@@ -112,7 +112,7 @@ fn checked(session: &Session, known: &Known) -> Vec<CheckedFigure> {
     checked
 }
 
-/// The greatest number of each check.
+/// Greatest figure of each check.
 fn greatest(checked: &[CheckedFigure]) -> BTreeMap<Check, f64> {
     let mut greatest = BTreeMap::new();
     for of in checked {
@@ -244,7 +244,7 @@ fn loads_table(plants: &[Plant]) -> Table {
     right(table)
 }
 
-/// Error, half width and coverage of one load over all sensors; of a rigid one there is no relative error.
+/// Error, half width and coverage of one load over all sensors; a rigid load has no relative error.
 fn cells_of(loads: &[&Measured]) -> [String; 3] {
     let error = |measured: &&Measured| {
         let truth = measured.pressed.true_n_per_m;

@@ -1,6 +1,6 @@
-//! Every bit of the area turned, sectors of garbage, cuts of power in a save and in the
-//! one after it, and the wear of many saves. Prints its result as Markdown; fails if a claim does not
-//! hold.
+//! `cargo campaign storage`: flips every bit of the area, fills sectors with garbage, cuts the
+//! power in a save and in the next one, and counts the wear of many saves. Prints its result as
+//! Markdown; fails if a claim does not hold.
 
 #[path = "../../../firmware/storage/tests/integration/support/mod.rs"]
 mod support;
@@ -18,11 +18,11 @@ use palpate_cli::evidence::{BEGIN, END};
 
 use crate::drawn::Seed;
 
-/// Areas with garbage in some of their sectors.
+/// Number of areas with garbage in some of their sectors.
 const SPOILT: u64 = 100_000;
-/// Saves one after the other.
+/// Number of consecutive saves.
 const SAVES: u32 = 100_000;
-/// How far apart the erase counts of any two sectors may be.
+/// Greatest allowed difference of the erase counts of any two sectors.
 const UNEVEN: u32 = 2;
 
 pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {

@@ -8,42 +8,42 @@ use std::process::{self, Command, Output};
 use palpate_cli::failure::Failure;
 use serde::de::DeserializeOwned;
 
-/// The argument by which a campaign runs the tool in a process of its own.
+/// Argument with which a campaign runs the tool in its own process.
 pub(crate) const TOOL: &str = "palpate";
 
-/// Runs verbs of the tool as a user does.
+/// Runs verbs of the tool as a user would.
 pub(crate) struct Tool {
     folder: PathBuf,
-    /// The firmware of the emulated boards.
+    /// Firmware of the emulated boards.
     image: PathBuf,
 }
 
 impl Tool {
-    /// With the firmware of emulated boards.
+    /// A tool with the firmware of emulated boards, in a new temporary folder.
     pub(crate) fn new(image: PathBuf) -> Result<Self, Failure> {
         let folder = env::temp_dir().join(format!("palpate-{}", process::id()));
         fs::create_dir(&folder)?;
-        // The processes run elsewhere than in the workspace, too.
+        // The processes may run outside of the workspace.
         let image = fs::canonicalize(image)?;
         Ok(Self { folder, image })
     }
 
-    /// A file of the folder.
+    /// Path of a file in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// The same as text.
+    /// Path of a file in the folder, as text.
     pub(crate) fn name(&self, name: &str) -> String {
         self.path(name).to_string_lossy().into_owned()
     }
 
-    /// The firmware of the emulated boards, a file.
+    /// Path of the emulated boards' firmware, as text.
     pub(crate) fn image(&self) -> String {
         self.image.to_string_lossy().into_owned()
     }
 
-    /// The emulated board of a seed, as arguments; its flash is a file of the folder.
+    /// Arguments for the emulated board of a seed; its flash is a file in the folder.
     pub(crate) fn board(&self, seed: u64, flash: &str) -> Vec<String> {
         let named = [
             ("--board", "emulated".to_owned()),
@@ -56,14 +56,14 @@ impl Tool {
             .collect()
     }
 
-    /// A verb.
+    /// Command that runs a verb.
     pub(crate) fn command(&self, arguments: &[&str]) -> Result<Command, Failure> {
         let mut command = Command::new(env::current_exe()?);
         command.arg(TOOL).args(arguments);
         Ok(command)
     }
 
-    /// Runs a verb on a board, which has to succeed, and reads the last line that it prints.
+    /// Runs a verb on a board, which must succeed, and reads the last printed line.
     pub(crate) fn ask<T: DeserializeOwned>(
         &self,
         arguments: &[&str],
@@ -86,7 +86,7 @@ impl Tool {
 
 impl Drop for Tool {
     fn drop(&mut self) {
-        // What cannot be removed lies among the temporary files.
+        // A folder that cannot be removed stays among the temporary files.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }

@@ -1,7 +1,7 @@
 //! The decoders of records and commands.
 //!
-//! A script is a list of pieces, each with a byte and a length before it: pieces come as they are, or
-//! as the content of a frame whose CRC-32 is right.
+//! A script is a list of pieces, each with a byte and a length before it: a piece is sent as it is,
+//! or as the content of a frame with a valid CRC-32.
 
 use palpate_wire::{
     Command, CommandDecoder, Counts, Decoder, Frame, FrameError, Header, Message, Record,
@@ -11,14 +11,14 @@ use palpate_wire::{
 use super::Reader;
 use crate::hostile::frame::stuffed;
 
-/// Holds the decoders' promises against a script.
+/// Checks the decoders' promises on a script.
 pub(super) fn run(script: &[u8]) -> Result<(), String> {
     let stream = stream(script);
     judge(RecordDecoder::new, &stream, Record::MAX_FRAME)?;
     judge(CommandDecoder::new, &stream, Command::MAX_FRAME)
 }
 
-/// The bytes of a script as they come.
+/// Bytes that a script sends.
 fn stream(script: &[u8]) -> Vec<u8> {
     let mut reader = Reader(script);
     let mut stream = Vec::new();
@@ -27,7 +27,7 @@ fn stream(script: &[u8]) -> Vec<u8> {
         let piece = reader.bytes();
         match how % 4 {
             0 => stream.extend(piece),
-            // Of this version; the kind is the first byte.
+            // With the present version; the kind is the first byte.
             1 => stream.extend(checked(&[&[VERSION], piece].concat())),
             2 => stream.extend(checked(piece)),
             _ => stream.extend(stuffed(piece)),
@@ -71,8 +71,8 @@ fn sum(counts: &Counts) -> u64 {
         .sum()
 }
 
-/// A frame that was read can be written, and is read as the same then. A number may have been written
-/// in more bytes than it needs.
+/// Checks that a decoded frame can be encoded, and decodes to an equal one. A number may have been
+/// encoded in more bytes than necessary.
 fn reads_what_it_writes<M: Message + core::fmt::Debug, const N: usize>(
     frame: &Frame<M>,
     decoder: fn() -> Decoder<M, N>,
@@ -85,7 +85,7 @@ fn reads_what_it_writes<M: Message + core::fmt::Debug, const N: usize>(
             "{frame:?} is written as {written:02X?}, and read as {again:?}"
         ));
     };
-    // By their bytes: what is not a number does not equal itself.
+    // Compared by bytes: NaN does not equal itself.
     if write(&again, greatest)? == written {
         Ok(())
     } else {
@@ -104,9 +104,9 @@ fn write<M: Message + core::fmt::Debug>(
         .map_err(|error| format!("{frame:?}: {error}"))
 }
 
-/// After a zero, the next frame is received.
+/// Checks that the next frame after a zero is received.
 fn is_back_in_step<M: Message, const N: usize>(mut decoder: Decoder<M, N>) -> Result<(), String> {
-    // Of a kind that neither direction has: the header is read, whatever the messages are.
+    // A kind that neither direction has: the header is decoded for any message.
     let header = Header {
         boot_id: 1,
         sequence: 2,

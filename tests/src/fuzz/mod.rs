@@ -1,17 +1,17 @@
-//! What a fuzzer runs, and the tests over its corpus: functions that take any bytes and say which
-//! promise was not kept.
+//! Fuzz targets, also run by the tests over their corpus: functions that take any bytes and return
+//! the violated promise.
 
 mod frames;
 mod storage;
 
 use crate::hostile;
 
-/// A function that takes any bytes.
+/// A fuzz target.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// Its name, and that of its corpus.
+    /// Name of the target and of its corpus.
     pub name: &'static str,
-    /// Holds its promises against some bytes; the error is the promise that was not kept.
+    /// Checks the promises on any bytes; the error is the violated promise.
     pub run: fn(&[u8]) -> Result<(), String>,
 }
 
@@ -27,7 +27,7 @@ pub const FRAMES: Target = Target {
     run: frames::run,
 };
 
-/// Bytes as what is done to a storage's flash.
+/// Bytes as operations on a storage's flash.
 pub const STORAGE: Target = Target {
     name: "storage",
     run: storage::run,
@@ -36,7 +36,7 @@ pub const STORAGE: Target = Target {
 /// Every target.
 pub const TARGETS: [Target; 3] = [COMMANDS, FRAMES, STORAGE];
 
-/// Reads the bytes of a script; what is missing at its end is 0 or nothing.
+/// Reads the bytes of a script; missing bytes at its end count as 0 or as empty.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {

@@ -1,6 +1,6 @@
-//! The storage over a flash in which anything may stand.
+//! The storage on a flash with any content.
 //!
-//! A script is a list of steps, each with a byte before it that says which it is.
+//! A script is a list of steps, each with a byte before it that selects it.
 
 use core::cell::Cell;
 use core::pin::pin;
@@ -18,15 +18,15 @@ use palpate_wire::{Command, Message};
 use super::Reader;
 use crate::hostile::configuration;
 
-/// Steps of a script, at most: a fuzzer's would take for ever.
+/// Most steps of a script; a fuzzer's would never end.
 const STEPS: usize = 64;
-/// Operations of a call that count as one without an end: 64 for every word of the area. A save into an area filled with one byte, `filled-after-a-save` of the corpus, takes 0.45
-/// million.
+/// Number of operations after which a call counts as endless: 64 for every word of the area. A save
+/// into an area filled with one byte, `filled-after-a-save` of the corpus, takes 0.45 million.
 const PATIENCE: u64 = 64 * 0x1_0000 / 4;
-/// A count of operations that stands for no power cut.
+/// Operation count that means no power cut.
 const NO_CUT: u8 = 255;
 
-/// Holds the storage's promises against a script.
+/// Checks the storage's promises on a script.
 pub(super) fn run(script: &[u8]) -> Result<(), String> {
     let mut reader = Reader(script);
     let mut bench = StorageBench {
@@ -44,12 +44,12 @@ pub(super) fn run(script: &[u8]) -> Result<(), String> {
     bench.can_be_used_again()
 }
 
-/// A flash, and what was stored in it.
+/// A flash, and the configurations stored in it.
 struct StorageBench {
     flash: Flash,
-    /// Every set that a save has begun to store.
+    /// Every configuration that a save has started to store.
     saved: Vec<Vec<Command>>,
-    /// Operations until a call counts as one without an end.
+    /// Operations left until a call counts as endless.
     patience: Rc<Cell<u64>>,
 }
 
@@ -91,7 +91,7 @@ impl StorageBench {
         Ok(())
     }
 
-    /// What became of a call, which never waits, and comes to an end.
+    /// Result of a call, which never waits, and must end.
     fn call<T>(&self, future: impl Future<Output = T>) -> Result<T, String> {
         self.patience.set(PATIENCE);
         match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
@@ -111,7 +111,7 @@ impl StorageBench {
             .with_bytes(|bytes| bytes.copy_within(from * sector..(from + 1) * sector, to * sector));
     }
 
-    /// Nothing if the power fails while it is opened.
+    /// Opens the storage; `None` if the power fails meanwhile.
     fn open(&self, cut: u8) -> Result<Option<Store<Meter>>, String> {
         let meter = Meter {
             flash: self.flash.clone(),
@@ -122,7 +122,8 @@ impl StorageBench {
         bearable(self.call(Store::open(meter, 0..0x1_0000))?)
     }
 
-    /// What is whole is one of the sets that were saved, and to look at it changes nothing.
+    /// Checks that a complete configuration is one of the saved ones, and that reading changes
+    /// nothing.
     fn read(&mut self) -> Result<(), String> {
         let Some(mut store) = self.open(NO_CUT)? else {
             return Ok(());
@@ -144,7 +145,7 @@ impl StorageBench {
         Ok(())
     }
 
-    /// Saves a part of a configuration; the power may fail after so many changes.
+    /// Saves a part of a configuration; the power may fail after `cut` changes.
     fn save(&mut self, count: usize, cut: u8) -> Result<(), String> {
         let all = configuration();
         let commands = all.get(..count % (all.len() + 1)).unwrap_or_default();
@@ -163,7 +164,7 @@ impl StorageBench {
         bearable(self.call(store.commit())?).map(drop)
     }
 
-    /// Puts commands as they come, most of which are refused.
+    /// Sends commands in any order; the storage refuses most of them.
     fn put_out_of_order(&mut self, order: &[u8]) -> Result<(), String> {
         let all = configuration();
         let Some(mut store) = self.open(NO_CUT)? else {
@@ -188,14 +189,14 @@ impl StorageBench {
         bearable(self.call(store.commit())?).map(drop)
     }
 
-    /// Whatever it contains, it can be erased, and used after that.
+    /// Checks that a storage with any content can be erased, and used after that.
     fn can_be_used_again(&mut self) -> Result<(), String> {
         let Some(mut store) = self.open(NO_CUT)? else {
             return Err("it cannot be opened".to_owned());
         };
         match self.call(store.erase())? {
             Ok(()) => {}
-            // It ends before the numbers of the saves begin anew.
+            // It ends before the save numbers wrap.
             Err(Error::Exhausted) => return Ok(()),
             Err(error) => return Err(format!("it cannot be erased: {error}")),
         }
@@ -214,7 +215,7 @@ impl StorageBench {
     }
 }
 
-/// An error that may occur is no result; one that may not is a defect.
+/// Maps a permitted error to `None`; any other error is a defect.
 fn bearable<T>(result: Result<T, Error<Failure>>) -> Result<Option<T>, String> {
     match result {
         Ok(result) => Ok(Some(result)),
@@ -225,22 +226,22 @@ fn bearable<T>(result: Result<T, Error<Failure>>) -> Result<Option<T>, String> {
     }
 }
 
-/// A flash that counts, and whose power can fail.
+/// A flash that counts operations, and whose power can fail.
 struct Meter {
     flash: Flash,
-    /// Operations until it gives up.
+    /// Operations left until it fails.
     patience: Rc<Cell<u64>>,
-    /// Changes until the power fails.
+    /// Changes left until the power fails.
     power: Option<u8>,
     has_changed: bool,
 }
 
-/// What an operation fails of.
+/// Error of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Failure {
     /// More operations than any call may take.
     Endless,
-    /// A place that the flash does not have.
+    /// An address outside of the flash.
     Misused,
     /// The power is off.
     PowerCut,

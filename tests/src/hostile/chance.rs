@@ -1,4 +1,4 @@
-//! Scripts at random, with enough that is usual in them for every state to be reached.
+//! Random scripts, with enough usual commands to reach every state.
 
 use palpate_procedure::Link;
 use palpate_wire::code::{FaultCode, RebootTarget};
@@ -12,10 +12,10 @@ use super::frame::{DAMAGES, Damage, payload, varint};
 use super::script::{Addressee, Move, write};
 use super::sensor::settings;
 
-/// Moves of a script.
+/// Number of moves in a script.
 const MOVES: usize = 400;
 
-/// The script of a seed.
+/// Script of a seed.
 #[must_use]
 pub fn script(seed: u64) -> Vec<u8> {
     let mut chance = Pcg64::seed_from_u64(seed);
@@ -47,7 +47,7 @@ fn next(chance: &mut Pcg64) -> Move {
         80..97 => damaged(chance),
         _ => {
             let length = chance.random_range(0..256);
-            // Zeros often, so that frames end often.
+            // Frequent zeros, so that frames end often.
             let byte =
                 |chance: &mut Pcg64| chance.random::<u8>() * u8::from(chance.random_ratio(3, 4));
             let bytes = (0..length).map(|_| byte(chance)).collect();
@@ -87,7 +87,7 @@ fn addressee(chance: &mut Pcg64) -> Addressee {
     }
 }
 
-/// What a user does.
+/// A usual command of a user.
 fn usual(chance: &mut Pcg64) -> Payload {
     let command = match chance.random_range(0..40) {
         0..10 => Command::Arm,
@@ -122,7 +122,7 @@ fn usual(chance: &mut Pcg64) -> Payload {
     (command.kind(), payload(&command))
 }
 
-/// Any command with any values, most of them possible.
+/// Any command with any values, most of them valid.
 fn any_values(chance: &mut Pcg64) -> Payload {
     let kind = any_kind(chance);
     let mut bytes = Vec::new();
@@ -132,7 +132,7 @@ fn any_values(chance: &mut Pcg64) -> Payload {
     (kind.number, bytes)
 }
 
-/// Any kind, a new start seldom: it ends all that a script has come to.
+/// Any kind; a restart is rare, because it ends everything that a script has reached.
 fn any_kind(chance: &mut Pcg64) -> &'static Kind {
     loop {
         let kind = &Command::KINDS[chance.random_range(0..Command::KINDS.len())];
@@ -154,7 +154,7 @@ fn any_field(field: &Field, chance: &mut Pcg64, to: &mut Vec<u8>) {
     any_value(&field.of, range, chance, to);
 }
 
-/// A value of a type, within its limits most of the time.
+/// A value of a type, usually within its limits.
 fn any_value(of: &Type, range: [f64; 2], chance: &mut Pcg64, to: &mut Vec<u8>) {
     // Small numbers as often as large ones.
     let bits = chance.random::<u32>() >> chance.random_range(0..32);
@@ -203,7 +203,7 @@ fn any_number([low, high]: [f64; 2], chance: &mut Pcg64) -> f64 {
         3 => 0.0,
         4 => 1.0,
         5 => 1.001,
-        // Limits are often powers of ten apart: small ones as often as large ones.
+        // Limits often span powers of ten: small values are as frequent as large ones.
         of if of % 2 == 0 => chance.random_range(0.0..1.0_f64).powi(8),
         _ => chance.random_range(0.0..1.0),
     };

@@ -1,28 +1,28 @@
-//! Command frames, right and wrong.
+//! Command frames, valid and invalid.
 
 use palpate_wire::{Command, Header, Message, VERSION, crc32, encode};
 
-/// A frame by its parts, each of which may be wrong.
+/// Parts of a frame, each of which may be wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// The run to which it is addressed.
+    /// Boot id of the addressed run.
     pub boot_id: u32,
-    /// Its number.
+    /// Sequence number.
     pub sequence: u32,
     /// Kind of the command.
     pub kind: u8,
-    /// What follows the header.
+    /// Bytes after the header.
     pub payload: Vec<u8>,
 }
 
 impl Parts {
-    /// The frame, sound as far as its payload is.
+    /// The frame; valid if its payload is.
     #[must_use]
     pub fn frame(&self) -> Vec<u8> {
         stuffed(&self.checked())
     }
 
-    /// The frame before it is stuffed: version, kind, header, payload and CRC-32.
+    /// The frame before stuffing: version, kind, header, payload and CRC-32.
     #[must_use]
     pub fn checked(&self) -> Vec<u8> {
         let mut content = vec![VERSION, self.kind];
@@ -47,7 +47,7 @@ pub fn payload(command: &Command) -> Vec<u8> {
     let mut buffer = [0; Command::MAX_FRAME];
     let frame = encode(&header, command, &mut buffer).unwrap_or_default();
     let content = unstuffed(frame);
-    // Version, kind and four numbers of a byte each before it; the CRC-32 after it.
+    // Before it are version, kind and four one-byte numbers; after it the CRC-32.
     let end = content.len().saturating_sub(4);
     content.get(6..end).unwrap_or_default().to_vec()
 }
@@ -67,7 +67,7 @@ pub fn stuffed(content: &[u8]) -> Vec<u8> {
     let mut frame = Vec::new();
     for block in content.split(|&byte| byte == 0) {
         let mut rest = block;
-        // A distance of 255 ends a run that no zero follows.
+        // A code of 255 ends a run that no zero follows.
         while rest.len() >= 254 {
             let (run, others) = rest.split_at(254);
             frame.push(255);
@@ -81,7 +81,7 @@ pub fn stuffed(content: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// The content of a sound frame of fewer than 255 bytes.
+/// The content of a valid frame of fewer than 255 bytes.
 fn unstuffed(frame: &[u8]) -> Vec<u8> {
     let mut content = Vec::new();
     let mut rest = frame;
@@ -96,14 +96,14 @@ fn unstuffed(frame: &[u8]) -> Vec<u8> {
     content
 }
 
-/// What happens to a frame on its way.
+/// Damage to a frame in transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// Which of [`DAMAGES`].
+    /// Kind of the damage, below [`DAMAGES`].
     pub kind: u8,
-    /// Where, as a part of 256 of the frame.
+    /// Location, in 256ths of the frame.
     pub at: u8,
-    /// With what.
+    /// Data of the damage.
     pub with: u8,
 }
 
@@ -111,7 +111,7 @@ pub struct Damage {
 pub const DAMAGES: u8 = 9;
 
 impl Damage {
-    /// The bytes that arrive of a frame.
+    /// Bytes that arrive.
     #[must_use]
     pub fn done_to(self, parts: &Parts) -> Vec<u8> {
         let mut checked = parts.checked();
@@ -119,20 +119,20 @@ impl Damage {
         let at = self.place(frame.len());
         match self.kind % DAMAGES {
             0 => invert(&mut frame, at, 1 << (self.with % 8)),
-            // Cut off, the zero at its end apart.
+            // Truncated, with its final zero kept.
             1 => drop(frame.drain(at..frame.len() - 1)),
-            // Cut off, and joined to what follows.
+            // Truncated, and joined to the next frame.
             2 => frame.truncate(at),
             3 => frame.insert(at, self.with),
             4 => drop(frame.remove(at)),
             5 => frame.insert(at, 0),
-            // Changed before it was stuffed, so that nothing but the CRC-32 finds it.
+            // Changed before stuffing, so that only the CRC-32 detects it.
             6 => {
                 let at = self.place(checked.len());
                 invert(&mut checked, at, self.with | 1);
                 frame = stuffed(&checked);
             }
-            // Longer than any, by up to three frames.
+            // Longer than any valid frame, by up to three frames.
             7 => {
                 let filling = Parts {
                     payload: [parts.payload.as_slice(), &[self.with; 300]].concat(),

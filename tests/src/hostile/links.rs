@@ -1,4 +1,4 @@
-//! What may come back by a link, and by which.
+//! Checks the records that return over each link.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -8,38 +8,38 @@ use palpate_wire::{
     Command, CommandDecoder, Frame, FrameError, Header, Message, Record, RecordDecoder, encode,
 };
 
-/// Longest wait for an answer: that of a command that waits for the coil's test, which takes a tenth
-/// of a second.
+/// Longest wait for an answer: that of a command that waits for the coil's test, which takes a
+/// tenth of a second.
 const ANSWER: Time = Time::from_ms(500);
 
-/// A PC at one end of a link: it knows what it asked, and judges what comes back.
+/// A PC at one end of a link: it records its requests, and checks the answers.
 #[derive(Debug, Default)]
 pub(super) struct Peer {
-    /// Written, and not taken by the board yet.
+    /// Bytes written and not yet read by the board.
     written: VecDeque<u8>,
     asked: CommandDecoder,
     received: RecordDecoder,
-    /// Commands without an answer: number, kind and when the board took them.
+    /// Commands without an answer: number, kind and the time at which the board read them.
     open: Vec<(u32, u8, Time)>,
-    /// Kinds of records that this link may have for itself, since it asked for them.
+    /// Kinds of requested records that only this link may receive.
     own: Vec<u8>,
-    /// Number of the next frame.
+    /// Sequence number of the next frame.
     next: u32,
-    /// What became of the commands.
+    /// Counts of the commands' outcomes.
     pub(super) outcomes: BTreeMap<&'static str, u64>,
-    /// Frames that were damaged or could not be understood.
+    /// Number of damaged or invalid frames.
     pub(super) refused: u64,
-    /// What was reported, by what it is.
+    /// Counts of the reports, by kind.
     pub(super) reports: BTreeMap<&'static str, u64>,
 }
 
 impl Peer {
-    /// Bytes were written.
+    /// Records written bytes.
     pub(super) fn wrote(&mut self, bytes: &[u8]) {
         self.written.extend(bytes);
     }
 
-    /// The board has taken so many of them.
+    /// Records that the board has read `count` bytes.
     pub(super) fn taken(&mut self, count: usize, now: Time) {
         for byte in self.written.drain(..count) {
             let Some(frame) = self.asked.push(byte) else {
@@ -62,8 +62,8 @@ impl Peer {
         }
     }
 
-    /// Takes what the board sent in the run with this number; returns the records that are no
-    /// acknowledgements, in bytes that can be compared.
+    /// Checks the bytes that the board sent in this run; returns the records other than
+    /// acknowledgements, as comparable bytes.
     pub(super) fn received(&mut self, bytes: &[u8], boot_id: u32) -> Result<Vec<Vec<u8>>, String> {
         let frames: Vec<_> = self.received.frames(bytes).collect();
         let mut others = Vec::new();
@@ -86,7 +86,7 @@ impl Peer {
         Ok(others)
     }
 
-    /// Every frame has its number, and none is lost.
+    /// Checks that frames are numbered without a gap.
     fn is_next(&mut self, header: &Header, boot_id: u32) -> Result<(), String> {
         let expected = Header {
             boot_id,
@@ -113,7 +113,7 @@ impl Peer {
         Ok(())
     }
 
-    /// Every command that was taken has been answered, but one that waits for the coil's test.
+    /// Checks that every command read has been answered, except one that waits for the coil's test.
     pub(super) fn is_answered(&self, now: Time) -> Result<(), String> {
         match self.open.as_slice() {
             [] => Ok(()),
@@ -122,13 +122,13 @@ impl Peer {
         }
     }
 
-    /// Whether this link has asked for a record that went to no other.
+    /// Whether this link has requested a record that no other link received.
     pub(super) fn may_have(&self, record: &[u8]) -> bool {
-        // Version and kind come first, after the distance to the first zero.
+        // Version and kind come first, after the offset to the first zero.
         record.get(2).is_some_and(|kind| self.own.contains(kind))
     }
 
-    /// The board has started anew: what was asked before has been answered.
+    /// The board has restarted: all earlier requests must have been answered.
     pub(super) fn restarted(&mut self) -> Result<(), String> {
         if !self.open.is_empty() {
             return Err(format!("not answered before a restart: {:?}", self.open));
@@ -140,10 +140,10 @@ impl Peer {
     }
 }
 
-/// `hello`, as a number.
+/// Kind number of `hello`.
 const HELLO: u8 = 0x01;
 
-/// Kinds of the records that answer a command, the acknowledgement apart.
+/// Kinds of the records that answer a command, except for the acknowledgement.
 fn answers_to(command: &Command) -> Vec<u8> {
     let named = |names: &[&str]| {
         let kinds = Record::KINDS.iter();
@@ -154,13 +154,13 @@ fn answers_to(command: &Command) -> Vec<u8> {
         Command::Identify => named(&["hello", "status"]),
         Command::GetSettings => named(&["settings"]),
         Command::GetStorage => named(&["storage"]),
-        // Whichever part it is.
+        // Any of its parts.
         Command::GetCalibration(_) => (0x11..=0x1C).collect(),
         _ => Vec::new(),
     }
 }
 
-/// What a record reports that shows how far a script has come.
+/// Name of a report that shows how far a script has come.
 fn report(record: &Record) -> Option<&'static str> {
     Some(match record {
         Record::Estimate(_) => "estimate",
@@ -177,7 +177,7 @@ fn report(record: &Record) -> Option<&'static str> {
     })
 }
 
-/// A record with its time: a frame with the number 0, which no link gave it.
+/// A record with its time: a frame with the sequence number 0, which no link assigned.
 fn without_number(frame: &Frame<Record>) -> Vec<u8> {
     let header = Header {
         boot_id: 0,

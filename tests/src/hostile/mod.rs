@@ -1,15 +1,14 @@
-//! Whatever comes over the links: a board takes bytes that are commands, almost commands or nothing,
-//! in every state, and keeps its promises.
+//! Hostile bytes over the links: a board receives commands, near-commands and garbage, in every
+//! state, and keeps its promises.
 //!
-//! - It neither panics nor stops taking bytes.
-//! - Every command that arrives whole has exactly one answer, on the link that it came by; answers
+//! - It neither panics nor stops reading bytes.
+//! - Every command that arrives complete has exactly one answer, on its own link; answers
 //!   go nowhere else, and everything else goes to both links.
-//! - The coil carries no current but while the device is armed and no fault stands, and never more
-//!   than the drive's limits of current, time and energy allow.
+//! - The coil carries current only while the device is armed and no fault is latched, and never
+//!   more than the drive's limits of current, time and energy allow.
 //! - At the end it can be disarmed.
 //!
-//! What happens is a [script] of bytes, so that a random campaign, a fuzzer and a file are all the
-//! same.
+//! The input is a [script] of bytes, so random campaigns, fuzzers and files share one format.
 
 pub mod chance;
 pub mod frame;
@@ -28,32 +27,32 @@ use palpate_wire::code::State;
 use self::sensor::SENSOR;
 use self::session::HostileSession;
 
-/// What has been seen.
+/// Results of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    /// Scripts.
+    /// Number of scripts.
     pub scripts: u64,
-    /// Frames and other runs of bytes that were written, and bytes.
+    /// Number of frames and other runs of bytes written, and number of bytes.
     pub frames: u64,
     /// See [`frames`](Self::frames).
     pub bytes: u64,
-    /// Frames that were damaged or not understood.
+    /// Number of damaged or invalid frames.
     pub refused: u64,
-    /// How often each outcome was answered, by its name.
+    /// Count of each outcome in an answer, by its name.
     pub outcomes: BTreeMap<&'static str, u64>,
-    /// How often the board reported what shows how far it came.
+    /// Count of each report that shows how far the board came.
     pub reports: BTreeMap<&'static str, u64>,
-    /// Looks at the board in each state, by its name, and whether it was armed.
+    /// Number of observations of the board in each state, by its name, and whether it was armed.
     pub states: BTreeMap<(&'static str, bool), u64>,
-    /// New starts.
+    /// Number of restarts.
     pub restarts: u64,
     /// Greatest current, A.
     pub greatest_a: f64,
-    /// Greatest heat put into the copper in a script, J.
+    /// Greatest heat in the copper during a script, J.
     pub heat_j: f64,
-    /// Hottest copper, degrees Celsius.
+    /// Highest temperature of the copper, degrees Celsius.
     pub copper_c: f64,
-    /// Promises that were not kept: seed and what happened.
+    /// Violated promises: seed and description.
     pub defects: Vec<(u64, String)>,
 }
 
@@ -67,7 +66,7 @@ impl Summary {
         self.copper_c = self.copper_c.max(truth.copper_c);
     }
 
-    /// Adds another.
+    /// Adds another summary.
     pub fn merge(&mut self, other: Self) {
         self.scripts += other.scripts;
         self.frames += other.frames;
@@ -90,10 +89,10 @@ impl Summary {
     }
 }
 
-/// Plays a script to a board that starts.
+/// Plays a script on a newly started board.
 ///
 /// # Errors
-/// The promise that was not kept.
+/// The violated promise.
 pub fn play(script: &[u8]) -> Result<Summary, String> {
     let sensor = SENSOR.as_ref().ok_or("there is no such sensor")?;
     let world = sensor.world().ok_or("there is no such world")?;
@@ -111,13 +110,13 @@ pub fn play(script: &[u8]) -> Result<Summary, String> {
     })
 }
 
-/// The commands of a whole configuration, in the order of their numbers.
+/// Commands of a complete configuration, in order of their numbers.
 #[must_use]
 pub fn configuration() -> &'static [Command] {
     SENSOR.as_ref().map_or(&[], |sensor| &sensor.calibration)
 }
 
-/// Plays the scripts of consecutive seeds, until so many frames were written.
+/// Plays the scripts of consecutive seeds, until `frames` frames were written.
 #[must_use]
 pub fn campaign(first: u64, frames: u64) -> Summary {
     let mut summary = Summary::default();

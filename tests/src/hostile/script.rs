@@ -1,40 +1,40 @@
-//! What happens to a board, as bytes: a random campaign and a fuzzer speak the same language.
+//! Events at a board, encoded as bytes: random campaigns and fuzzers use the same encoding.
 //!
-//! Any bytes are a script. A move begins with a byte whose lowest three bits say which it is, whose
-//! next two say to which run a frame is addressed, and whose highest says by which link it comes. A
-//! length of one byte goes before a payload. What is missing at the end counts as 0 or as nothing.
+//! Any bytes are a script. A move starts with a byte: the lowest three bits give its kind, the next
+//! two the run that a frame addresses, and the highest the link. A length of one byte precedes a
+//! payload. Missing bytes at the end count as 0 or as empty.
 
 use palpate_procedure::Link;
 
 use super::frame::Damage;
 
-/// Something that happens.
+/// One event of a script.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Move {
-    /// Bytes come as they are.
+    /// Raw bytes arrive.
     Raw(Link, Vec<u8>),
-    /// A command comes, sound as far as its payload is.
+    /// A command arrives; it is valid if its payload is.
     Command(Link, Addressee, u8, Vec<u8>),
-    /// The same, damaged on its way.
+    /// A command arrives, damaged in transmission.
     Damaged(Link, Addressee, u8, Vec<u8>, Damage),
     /// Milliseconds pass.
     Run(u8),
-    /// Something is pressed on the sensor, so many parts of 255 of the deepest press; 0 lifts it.
+    /// The object presses the sensor, in 255ths of the deepest press; 0 lifts it.
     Press(u8),
-    /// A user sets a calibration that fits the sensor.
+    /// A user sets a calibration that matches the sensor.
     Calibrate(Link),
 }
 
-/// The run to which a frame is addressed.
+/// Run that a frame addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Addressee {
-    /// This one.
+    /// The present run.
     Present,
-    /// Any.
+    /// Any run.
     Any,
-    /// The next one.
+    /// The next run.
     Next,
-    /// One that never comes.
+    /// A run that never comes.
     None,
 }
 
@@ -95,7 +95,7 @@ impl Reader<'_> {
     }
 }
 
-/// Writes a move so that [`read`] reads it.
+/// Encodes a move for [`read`].
 pub fn write(of: &Move, to: &mut Vec<u8>) {
     match of {
         Move::Raw(link, bytes) => {
@@ -122,7 +122,7 @@ fn first(of: u8, link: Link, addressee: Addressee) -> u8 {
     of | (addressee as u8) << 3 | u8::from(link == Link::Usb) << 7
 }
 
-/// At most 255 bytes with their number.
+/// At most 255 bytes, with their number before them.
 fn long(bytes: &[u8], to: &mut Vec<u8>) {
     let bytes = bytes.get(..255).unwrap_or(bytes);
     to.push(bytes.len() as u8);

@@ -1,4 +1,4 @@
-//! The sensor under the board, and a calibration that fits it.
+//! The sensor of the board, and a calibration that matches it.
 
 use std::sync::LazyLock;
 
@@ -15,23 +15,24 @@ use palpate_wire::command::{
     Attraction, Coil, Crosstalk, DeformationCurve, DeformationKnot, Settings, Springs, Stiffening,
 };
 
-/// The press before anything touches, m.
+/// Position of the press without contact, m.
 const LIFTED_M: f64 = -0.1e-3;
-/// Depths of the sensing layer on the curve, as parts of the greatest.
+/// Depths of the sensing layer on the curve, relative to the deepest.
 const DEPTHS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Deepest deformation of the sensing layer, m.
 const DEEPEST_M: f64 = 0.6e-3;
 /// Stiffness of the object, N/m: that of a soft tissue.
 const OBJECT_N_PER_M: f64 = 6e3;
-/// For a press to come to rest.
+/// Time for a press to settle.
 const REST: Time = Time::from_ms(1_000);
 
-/// A plant, with what its user knows of it.
+/// A plant, with its user's knowledge of it.
 pub(super) struct Sensor {
     plant: Parameters,
-    /// The press, lifted and deepest, m.
+    /// Positions of the press, lifted and deepest, m.
     pub(super) travel_m: [f64; 2],
-    /// Short trains at every contact, and all that an estimate needs, in the order of their numbers.
+    /// Commands of a calibration with short trains at every contact, complete for an estimate, in
+    /// order of their numbers.
     pub(super) calibration: Vec<Command>,
 }
 
@@ -39,7 +40,7 @@ pub(super) struct Sensor {
 pub(super) static SENSOR: LazyLock<Option<Sensor>> = LazyLock::new(Sensor::new);
 
 impl Sensor {
-    /// Nothing if the built-in stack makes no plant.
+    /// A sensor; `None` if the built-in stack makes no plant.
     fn new() -> Option<Self> {
         let stack = Stack::builtin("ultrasoft").ok()?;
         let plant = central(&stack, &Disturbances::builtin().ok()?);
@@ -57,7 +58,7 @@ impl Sensor {
         Some(sensor)
     }
 
-    /// A world that nothing touches.
+    /// A world without contact.
     pub(super) fn world(&self) -> Option<World> {
         let setup = Setup {
             load: Load::Spring {
@@ -69,7 +70,7 @@ impl Sensor {
         World::new(&self.plant, Switches::all(), setup).ok()
     }
 
-    /// Frequency, Hz, and deformation, m, where the press is there.
+    /// Frequency, Hz, and deformation, m, at a position of the press.
     fn point(&self, press_m: f64) -> Option<[f64; 2]> {
         let mut world = self.world()?;
         world.move_press(press_m, 1.0);
@@ -122,7 +123,7 @@ impl Sensor {
     }
 }
 
-/// Short trains, so that many fit into a script.
+/// Settings with short trains, so that many fit into a script.
 pub(super) fn settings() -> Settings {
     Settings {
         automatic: true,
@@ -137,7 +138,7 @@ pub(super) fn settings() -> Settings {
     }
 }
 
-/// Some rise; how much it truly is decides no promise.
+/// An arbitrary rise; its true value affects no promise.
 const STIFFENING: Stiffening = Stiffening {
     peak_current_a: 10.0,
     rise_at_peak: 0.3,
@@ -146,7 +147,7 @@ const STIFFENING: Stiffening = Stiffening {
     field_half_t: 1.0,
 };
 
-/// The paper's coil: 0.389 ohm, and the heat of some grams of copper and rubber.
+/// The paper's coil: 0.389 ohm, and the heat capacity of some grams of copper and rubber.
 const COIL: Coil = Coil {
     resistance_ohm: 0.389,
     copper_capacity_j_per_k: 0.8,

@@ -1,4 +1,4 @@
-//! A board that takes whatever comes, and what it promises all the while.
+//! A board under any input, with checks of its promises.
 
 use ldc161x_sim::Time;
 use palpate_procedure::Link;
@@ -14,29 +14,30 @@ use super::links::Peer;
 use super::script::{Addressee, Move};
 use super::sensor::Sensor;
 
-/// Most time in a script: a fuzzer's would take for ever.
+/// Longest duration of a script; a fuzzer's would never end.
 const LONGEST: Time = Time::from_ms(30_000);
-/// Above the limit to which the current is regulated: the drive switches off there.
+/// Ratio of the drive's trip level to the limit of the regulated current.
 const TRIP: f64 = DRIVE.trip_a as f64 / DRIVE.current_a as f64;
-/// Below this no current was commanded: the offset of the measurement, and what a test leaves.
+/// Current below which nothing was commanded, A: the measurement's offset, and the residue of a
+/// test.
 const NONE_A: f64 = 0.2;
-/// From the bridge off to no current: ten times the 0.4 ms of inductance and resistance.
+/// Time from the bridge off to no current: ten times the time constant of 0.4 ms.
 const DECAY: Time = Time::from_ms(4);
-/// Deepest press of a script, as a part of the range of the calibration.
+/// Deepest press of a script, relative to the calibrated range.
 const DEEPEST: f64 = 0.8;
-/// How fast it moves, m/s.
+/// Speed of the press, m/s.
 const SPEED_M_PER_S: f64 = 10e-3;
 
-/// A board, the PCs at its links, and what has been seen.
+/// A board, the PCs at its links, and the results so far.
 pub(super) struct HostileSession<'a> {
     board: NativeBoard<'a>,
     sensor: &'a Sensor,
     peers: [Peer; 2],
     sequence: u32,
     end: Time,
-    /// Since when the coil may carry no current.
+    /// Time since when the coil may carry no current.
     disarmed: Option<Time>,
-    /// Since when it carries one.
+    /// Time since when it carries a current.
     driven: Option<Time>,
     pub(super) summary: Summary,
 }
@@ -59,7 +60,7 @@ impl<'a> HostileSession<'a> {
         }
     }
 
-    /// Carries a move out.
+    /// Executes a move.
     pub(super) fn carry_out(&mut self, of: &Move) -> Result<(), String> {
         match of {
             Move::Raw(link, bytes) => self.write(*link, bytes),
@@ -85,11 +86,11 @@ impl<'a> HostileSession<'a> {
         Ok(())
     }
 
-    /// Both links are emptied: the board takes what was written, ends what it does, and takes a
-    /// command as if nothing had happened.
+    /// Drains both links: the board reads the written bytes, finishes its work, and must accept a
+    /// command as usual.
     pub(super) fn finish(&mut self) -> Result<(), String> {
         let waits = |board: &NativeBoard<'_>| Link::ALL.map(|link| board.unread(link));
-        // A frame or 200 bytes of a link in a millisecond at least, and a start.
+        // At least a frame or 200 bytes of a link per millisecond, and a restart.
         let bytes: usize = waits(&self.board).iter().sum();
         let end = self.board.now() + Time::from_ms(bytes as u64 + 500);
         while waits(&self.board) != [0, 0] {
@@ -98,7 +99,7 @@ impl<'a> HostileSession<'a> {
             }
             self.advance(end)?;
         }
-        // Whatever was begun ends with a zero.
+        // A zero ends any partial frame.
         for link in Link::ALL {
             self.write(link, &[0, 0]);
             self.ask_any(link, &Command::Disarm);
@@ -171,7 +172,7 @@ impl<'a> HostileSession<'a> {
         Ok(())
     }
 
-    /// Lets a little time pass, and holds what happened against the promises.
+    /// Advances a short time, and checks the promises.
     fn advance(&mut self, end: Time) -> Result<(), String> {
         let unread = Link::ALL.map(|link| self.board.unread(link));
         let boot_id = self.board.boot_id();
@@ -196,7 +197,7 @@ impl<'a> HostileSession<'a> {
         self.coil_is_within_its_limits(now)
     }
 
-    /// What is no answer goes to both links, and what is one to the link that asked.
+    /// Checks that answers went to the requesting link, and all other records to both links.
     fn went_where_they_belong(&self, [probe, mut usb]: [Vec<Vec<u8>>; 2]) -> Result<(), String> {
         let mut alone = Vec::new();
         for record in probe {
@@ -241,7 +242,7 @@ impl<'a> HostileSession<'a> {
     }
 }
 
-/// For how long something has been so, if it is.
+/// Duration for which a condition has held; `None` if it does not hold.
 fn since(mark: &mut Option<Time>, is_so: bool, now: Time) -> Option<Time> {
     if !is_so {
         *mark = None;

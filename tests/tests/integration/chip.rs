@@ -1,4 +1,4 @@
-//! Driver and simulated chip together: modes, costs on the bus, probes, calibration.
+//! Driver and simulated chip together: modes, bus costs, probes, calibration.
 
 use std::cell::RefCell;
 
@@ -43,7 +43,7 @@ fn driver<S: Sensors>(chip: &RefCell<Chip<S>>) -> Ldc161x<Bus<'_, S>> {
     Ldc161x::new(Bus::new(chip, 400_000), Model::Ldc1614, Address::AddrLow)
 }
 
-/// In every mode and under every switch: the words are the chip's, the frequencies the sensors'.
+/// In every mode and under every switch, the words are the chip's, the frequencies the sensors'.
 #[test]
 fn frequencies_are_read_in_every_mode_under_every_switch() {
     for switches in Switches::one_at_a_time() {
@@ -57,7 +57,7 @@ fn frequencies_are_read_in_every_mode_under_every_switch() {
             let (mut interrupt, mut delay) = (IntbPin::new(&chip), Delay::new(&chip));
             let started = driver.start(&plan(acquisition).configuration);
             if started.is_err() {
-                // A chip that loses its registers on waking does so once.
+                // A chip that loses its registers at wake-up does so once.
                 driver.recover(&mut delay).unwrap();
             }
             driver
@@ -170,7 +170,7 @@ fn the_probe_finds_what_releases_the_interrupt() {
     }
 }
 
-/// Without INTB: each conversion is read once, none twice.
+/// Without INTB, each conversion is read exactly once.
 #[test]
 fn polling_reads_each_conversion_once() {
     for switches in Switches::one_at_a_time() {
@@ -205,7 +205,7 @@ fn polling_reads_each_conversion_once() {
     }
 }
 
-/// Sensors whose loss differs from channel to channel.
+/// Sensors whose losses differ from channel to channel.
 #[derive(Clone)]
 struct Lossy;
 
@@ -218,8 +218,8 @@ impl Sensors for Lossy {
     }
 }
 
-/// The planned current suits 3 kiloohm: it is wrong for every one of these sensors, the chip says
-/// so, and calibration mends it.
+/// The planned current suits 3 kiloohm: it is wrong for every one of these sensors, the chip
+/// reports it, and calibration corrects it.
 #[test]
 fn calibration_brings_every_amplitude_into_its_range() {
     let chip = RefCell::new(Chip::new(Settings::default(), Lossy));
@@ -276,7 +276,7 @@ fn a_step_of_the_drive_is_marked_and_changes_the_current() {
         driver.read_drive_current(Channel::Zero).unwrap().drive,
         weaker
     );
-    // No register was written while the chip converted.
+    // No register was written during a conversion.
     assert_eq!(chip.borrow().misuse(), ldc161x_sim::Misuse::default());
 }
 
@@ -311,7 +311,7 @@ fn a_chip_that_is_reset_behind_the_drivers_back_is_found_and_recovered() {
     assert!(driver.read_frame().unwrap().readings()[0].is_good());
 }
 
-/// An absent chip ends in an error at once, and every wait has a deadline.
+/// An absent chip causes an error at once, and every wait has a deadline.
 #[test]
 fn nothing_on_the_bus_is_an_error_with_advice() {
     let chip = RefCell::new(Chip::new(Settings::default(), SENSORS_HZ));
@@ -323,7 +323,7 @@ fn nothing_on_the_bus_is_an_error_with_advice() {
     );
 }
 
-/// The probe of `ldc1614.md` section 7: a burst read is not relied upon anywhere.
+/// The probe of `ldc1614.md` section 7: the driver does not rely on burst reads anywhere.
 #[test]
 fn the_driver_never_reads_more_than_one_register_at_a_pointer() {
     struct Watching<B>(B);

@@ -1,9 +1,9 @@
-//! The project keeps its own copies of reference data. Where the originals are at hand, beside
-//! the checkout, the copies are compared with them; where they are not, this test says so.
+//! Compares the project's own copies of reference data with the originals. If the originals are not
+//! available beside the checkout, the test says so.
 
 use std::{fs, path::Path};
 
-/// The project's copy, and its original.
+/// Each copy of the project, with its original.
 const COPIES: &[(&str, &str)] = &[
     ("docs/examples/words.csv", "ldc_words.csv"),
     (
@@ -23,7 +23,7 @@ fn copies_of_reference_data_equal_their_originals() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let originals = root.join("../shared/data");
     if !originals.is_dir() {
-        // Written past the capture of the test harness, so that it is seen in every run.
+        // Written past the test harness's output capture, so that it appears in every run.
         use std::io::Write;
         let _ = writeln!(
             std::io::stderr(),

@@ -1,4 +1,4 @@
-//! The fuzzer's corpus, input by input: what `cargo xtask fuzz` runs, without a fuzzer.
+//! Runs the fuzzer's corpus, input by input: the targets of `cargo xtask fuzz` without a fuzzer.
 
 use std::fs;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Ten thousand random fault schedules under random positions of every switch; the full campaign
-//! is `cargo xtask evidence fault-schedules`.
+//! Ten thousand random fault schedules under random positions of every switch; the full campaign is
+//! `cargo xtask evidence fault-schedules`.
 
 use system_tests::faults::{campaign, run};
 
@@ -7,7 +7,7 @@ use system_tests::faults::{campaign, run};
 fn schedules_end_in_a_documented_error_or_in_recovery() {
     let summary = campaign(1_000_000, 10_000, run);
     assert!(summary.defects.is_empty(), "{:?}", summary.defects.first());
-    // The schedules are neither empty nor hopeless.
+    // The schedules are not trivial, and readings remain possible.
     assert!(summary.trusted > 100_000, "{summary:?}");
     assert!(summary.recoveries > 2_000, "{summary:?}");
     assert!(summary.measuring > 7_000, "{summary:?}");

@@ -1,4 +1,4 @@
-//! Tests of `system-tests` from outside: one program, whose modules are its parts.
+//! External tests of `system-tests`: one program, with one module per area.
 
 mod chip;
 mod coil_guards;
@@ -9,7 +9,7 @@ mod hostile;
 mod on_target;
 mod sigma;
 
-// What the example on_target of the firmware runs on the processor.
+// Functions that the firmware example on_target runs on the processor.
 #[path = "../../../firmware/examples/on_target/arithmetic.rs"]
 #[allow(unreachable_pub)]
 mod arithmetic;

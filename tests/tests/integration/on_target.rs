@@ -1,4 +1,4 @@
-//! The same bits on the emulated processor and on this computer: every arithmetic function of the
+//! Equal bits on the emulated processor and on this computer: every arithmetic function of the
 //! model, and the procedure through a whole press with its measurement.
 
 use std::sync::OnceLock;
@@ -13,7 +13,7 @@ use palpate_procedure::Actions;
 use palpate_wire::code::{Drift, State};
 use palpate_wire::{Command, Message, Record, encode};
 
-/// More than the target takes for anything, at the ring oscillator's 52 MHz.
+/// Longer than any operation of the target, at the ring oscillator's 52 MHz.
 const PATIENCE: Time = Time::from_ms(60_000);
 
 fn image() -> &'static Image {
@@ -24,7 +24,7 @@ fn image() -> &'static Image {
     })
 }
 
-/// The processor, with the image's variables at hand.
+/// The processor, with access to the image's variables.
 #[derive(Clone)]
 struct Target(EmulatedBoard<Still>);
 
@@ -50,7 +50,7 @@ impl Target {
         self.0.image().symbol(name).expect("the image has it")
     }
 
-    /// Tells the target an event of the procedure or the number of a function, and returns its sum.
+    /// Sends the target an event of the procedure or the number of a function, and returns its sum.
     fn tell(&mut self, words: &[u32]) -> u32 {
         let (mailbox, answer) = (self.symbol("MAILBOX"), self.symbol("ANSWER"));
         for (location, word) in (1..).zip(words) {
@@ -87,7 +87,7 @@ fn number(number: Option<f32>) -> [u32; 2] {
     ]
 }
 
-/// An event in the words that the target reads.
+/// An event, encoded in the words that the target reads.
 fn words(observed: &Observed) -> Vec<u32> {
     let mut words = split(observed.now_us).to_vec();
     match &observed.event {
@@ -130,7 +130,7 @@ fn words(observed: &Observed) -> Vec<u32> {
     words
 }
 
-/// A press of a disturbed sensor with its measurement, as it was recorded.
+/// A recorded press of a disturbed sensor with its measurement.
 fn recorded(drift: Drift) -> Vec<Observed> {
     let sensor = Sensor {
         attraction_n_per_a2: 3e-4,
@@ -192,7 +192,7 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
     }
 }
 
-/// The sums tell one bit.
+/// The sums detect a single bit.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_single_bit_is_seen() {

@@ -1,10 +1,10 @@
-//! The stated standard uncertainty against the scatter of simulated words; in full by
+//! The stated standard uncertainty against the scatter of simulated words; the full campaign is
 //! `cargo xtask evidence sigma`.
 
 use ldc161x_sim::Counter;
 use system_tests::sigma::{accepted_plans, cases, measure, measure_plan};
 
-/// 1,500 readings fix a standard deviation to 1.8 %; the bar is 10 %.
+/// 1,500 readings determine a standard deviation to 1.8 %; the limit is 10 %.
 const READINGS: u32 = 1_500;
 
 fn check(counter: Counter, duty_is_known: bool, lowest: f64, highest: f64) {

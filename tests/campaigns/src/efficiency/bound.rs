@@ -1,10 +1,11 @@
-//! The least variance that any unbiased estimate of a load can have, from all that bench and press read.
+//! Least variance of any unbiased estimate of a load, given all readings of bench and press.
 //!
-//! The plant's own equations are differentiated numerically at the sensor that was drawn; the Fisher information of every
-//! conversion and of every reading of the load cell is added up over the trains of the bench, with the spread of what is drawn as
-//! prior knowledge (van Trees' bound, with normal priors of the same variances). What belongs to one train alone - where the press
-//! stands, and amplitude and phase of the stand's vibration, of which the frequency is taken as known - is eliminated train by
-//! train. Nothing is shared with calibration and instrument, which this judges.
+//! The plant's own equations are differentiated numerically at the drawn sensor. The Fisher
+//! information of every conversion and of every reading of the load cell is summed over the trains
+//! of the bench, with the spread of the draw as prior knowledge (van Trees' bound, with normal
+//! priors of the same variances). Unknowns of a single train are eliminated train by train: the
+//! press's position, and amplitude and phase of the stand's vibration, whose frequency is assumed
+//! known. The calculation shares nothing with calibration and instrument, which it judges.
 
 use palpate_design::plan::{Information, metres_per_relative_frequency};
 use palpate_sim::mechanics::load::Load;
@@ -18,44 +19,45 @@ use super::rung::Evaluation;
 use super::train::{REST_S, Reading, TrainTask, derivative};
 use super::unknowns::{self, Unknown};
 
-/// Step of the derivatives, in standard deviations of an unknown: a third of it changes no bound by more than 2e-5 of itself.
+/// Step of the derivatives, in standard deviations of an unknown: a third of it changes no bound by
+/// more than a relative 2e-5.
 pub(super) const STEP: f64 = 0.01;
-/// Where a press stands, m: a unit of it that no reading leaves open by as much.
+/// Unit of the press's position, m: every reading determines the position better than this.
 const PRESS_M: f64 = 1e-4;
-/// Terms of the reading's curve, as powers of the deformation, and their standard deviations before the load cell: the curve is found
-/// on the bench from nothing.
+/// Prior standard deviations of the terms of the reading's curve, which are powers of the
+/// deformation: the bench determines the curve without prior knowledge.
 const CURVE: [f64; 4] = [0.2, 0.2, 0.2, 0.2];
-/// Places after the shared unknowns: what belongs to one train.
+/// Indices after the shared unknowns: the unknowns of a single train.
 const PLACE: usize = 0;
 const COSINE: usize = 1;
 const SINE: usize = 2;
 const STRAIGHT: usize = 3;
 const LOGARITHM: usize = 4;
 pub(super) const LOCAL: usize = 5;
-/// The bench of one sensor, read.
+/// Information from the bench of one sensor.
 pub(super) struct BenchInformation<'p> {
     pub(super) plant: &'p Parameters,
     task: &'p BenchTask,
     pub(super) unknowns: &'p [Unknown],
     tank: SensingTank,
     conversion_sigma: f64,
-    /// Root of the mean square of a component of the stand's vibration, m.
+    /// Rms of a component of the stand's vibration, m.
     vibration_m: f64,
-    /// By [`Evaluation::ALL`].
+    /// Information by evaluation, in the order of [`Evaluation::ALL`].
     pub(super) by_evaluation: [Information; Evaluation::ALL.len()],
 }
 
-/// The readings of a train with their derivatives by every shared unknown, and by the press.
+/// Readings of a train, with their derivatives in every shared unknown and in the press's position.
 pub(super) struct Differentiated {
     pub(super) readings: Vec<Reading>,
-    /// By the unknowns of the sensor, and for a spring of the bench by what it is off.
+    /// Derivatives in the unknowns of the sensor, and for a bench spring in its error.
     pub(super) shared: Vec<(usize, Vec<(f64, f64)>)>,
     pub(super) place: Vec<(f64, f64)>,
 }
 
 impl<'p> BenchInformation<'p> {
-    /// Reads the bench of a plant; `conversion_sigma` is the relative noise of a frequency, `vibration_m` that of a component of
-    /// the stand's vibration, m.
+    /// Evaluates the bench of a plant. `conversion_sigma` is the relative noise of a frequency,
+    /// `vibration_m` the rms of a component of the stand's vibration, m.
     pub(super) fn new(
         plant: &'p Parameters,
         task: &'p BenchTask,
@@ -87,7 +89,8 @@ impl<'p> BenchInformation<'p> {
         Ok(bench)
     }
 
-    /// Unknowns that all trains share: the sensor's, the springs', the reading's curve, the load cell's gain.
+    /// Number of unknowns that all trains share: of the sensor, of the springs, of the reading's
+    /// curve, and of the load cell's gain.
     pub(super) fn shared(&self) -> usize {
         self.gain() + 1
     }
@@ -104,7 +107,8 @@ impl<'p> BenchInformation<'p> {
         self.curve() + CURVE.len()
     }
 
-    /// Adds what is known beforehand. Unknowns are in units of their deviations but for the curve and the gain.
+    /// Adds the prior knowledge. Unknowns are in units of their deviations, except for the curve
+    /// and the gain.
     fn know(&mut self) {
         let gain = self.task.known.load_cell_gain.unwrap_or(0.0).max(1e-9) / 3_f64.sqrt();
         let curve = self.curve();
@@ -117,7 +121,7 @@ impl<'p> BenchInformation<'p> {
         }
     }
 
-    /// Adds a train of the bench upon the block, a spring or nothing.
+    /// Adds a train of the bench on the block, on a spring, or without contact.
     fn read(
         &mut self,
         plant: &Parameters,
@@ -161,7 +165,8 @@ impl<'p> BenchInformation<'p> {
         Ok(())
     }
 
-    /// A train upon a load, with the press where it would be to press the sensing layer so deep, m.
+    /// A train on a load, with the press at the position that presses the sensing layer by
+    /// `depth_m`, m.
     pub(super) fn train(
         &self,
         plant: &Parameters,
@@ -188,7 +193,7 @@ impl<'p> BenchInformation<'p> {
             let moved = |steps: f64| train.readings(&unknown.moved(plant, steps * STEP));
             Ok(derivative(&moved(-1.0)?, &moved(1.0)?, 2.0 * STEP))
         };
-        // A press in use is on no bench: what it stands on is in its load.
+        // A press in use is not on a bench: its frame is part of its load.
         let is_there =
             |unknown: &&Unknown| unknown.name != unknowns::FRAME || plant.press.frame_m_per_n > 0.0;
         let numbered = self.unknowns.iter().enumerate();
@@ -211,7 +216,7 @@ impl<'p> BenchInformation<'p> {
         })
     }
 
-    /// Adds the readings of a train, those of the load cell too if there is one.
+    /// Adds the readings of a train, with those of the load cell if there is one.
     pub(super) fn add(
         &self,
         information: &mut Information,

@@ -1,4 +1,5 @@
-//! `cargo campaign efficiency`: the errors of presses against the least that any estimate from the same readings can have.
+//! `cargo campaign efficiency`: errors of presses against the least error of any estimate from the
+//! same readings.
 
 mod bound;
 mod press;
@@ -30,8 +31,8 @@ use self::rung::Rung;
 use self::show::Efficiency;
 use self::unknowns::{Unknown, unknowns};
 
-/// Press springs upon many sensors, each calibrated on its own bench, and hold the errors against the
-/// Cramer-Rao bound of what bench and press read
+/// Press springs on many sensors, each calibrated on its own bench, and compare the errors with the
+/// Cramer-Rao bound of the readings of bench and press
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown: errors beside their bounds, and efficiencies, variance of a bound over the variance that was \
@@ -44,10 +45,10 @@ Example: 40 sensors
 
   cargo campaign efficiency --plants 40 --seed 810001")]
 pub(crate) struct Arguments {
-    /// How many sensors are drawn
+    /// Number of sensors
     #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     plants: u64,
-    /// The first sensor; the following have the following seeds
+    /// Seed of the first sensor; the next sensors have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Kind of sensor: paper, soft-closed, ultrasoft, or a stack file
@@ -56,29 +57,29 @@ pub(crate) struct Arguments {
     /// Press at the temperature of the bench
     #[arg(long)]
     bench_temperature: bool,
-    /// The efficiency of the whole that is asked for at every load
+    /// Least efficiency of the whole chain required at every load
     #[arg(long, default_value_t = 0.0)]
     least: f64,
-    /// One JSON object for each load
+    /// Print one JSON object per load
     #[arg(long)]
     json: bool,
 }
 
-/// The loads, in units of c_S.
+/// Loads, in units of c_S.
 const LOADS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
-/// A bound may lie above what was measured by so many standard errors of that.
+/// Number of standard errors by which a bound may exceed the measured value.
 const STANDARD_ERRORS: f64 = 3.0;
 
 /// A press with its bounds. Variances are of ln(c_L).
 #[derive(Clone, Copy, Debug)]
 struct JudgedPress {
-    /// Load, in units of c_S, without what it stands on.
+    /// Load, in units of c_S, without its frame.
     ratio: f64,
     /// ln(estimate/truth).
     error_ln: f64,
-    /// The least variances, by [`Rung::ALL`].
+    /// Least variances, in the order of [`Rung::ALL`].
     bounds: [f64; Rung::ALL.len()],
-    /// The variance that `palpate plan` expects.
+    /// Variance that `palpate plan` predicts.
     planned: f64,
 }
 
@@ -154,7 +155,7 @@ fn judge(arguments: &Arguments, loads: &[Efficiency]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A sensor that is pressed and judged.
+/// A sensor under evaluation.
 struct Judged<'a> {
     stack: &'a Stack,
     disturbances: &'a Disturbances,
@@ -163,7 +164,7 @@ struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// Its presses that came to an estimate.
+    /// Its presses that gave an estimate.
     fn presses(&self) -> Result<Vec<JudgedPress>, Failure> {
         let (plant, switches) = (&self.plant, Switches::all());
         let settings = default_settings();

@@ -1,4 +1,4 @@
-//! A press in use, read with what the bench says of its sensor.
+//! A press in use, evaluated with the bench's information about its sensor.
 
 use palpate_design::plan::Information;
 use palpate_sim::mechanics::load::Load;
@@ -9,21 +9,21 @@ use super::rung::{Evaluation, Rung};
 use super::train::{TrainTask, derivative};
 use super::unknowns;
 
-/// Places after those, of a press in use: ln(c_L), and what the temperature changes.
+/// Indices after those, for a press in use: ln(c_L), and the effects of temperature.
 const LOAD: usize = LOCAL;
 const WARMER: usize = LOCAL + 1;
 const OF_PRESS: usize = LOCAL + 3;
 
 impl BenchInformation<'_> {
-    /// The least variances of ln(c_L) of a press upon a load of so many N/m, what it stands on included, by [`Rung::ALL`]; nothing
-    /// where the readings do not determine it.
+    /// Least variances of ln(c_L) of a press on a load of `load_n_per_m` N/m, frame included, in
+    /// the order of [`Rung::ALL`]; `None` if the readings do not determine it.
     pub(super) fn press(
         &self,
         load_n_per_m: f64,
         depth_m: f64,
     ) -> Result<Option<[f64; Rung::ALL.len()]>, ParameterError> {
         let mut plant = self.plant.clone();
-        // It is in the load.
+        // The load includes the frame.
         plant.press.frame_m_per_n = 0.0;
         let load = |n_per_m: f64| Some(Load::Spring { n_per_m });
         let train = self.train(&plant, load(load_n_per_m), depth_m)?;
@@ -65,7 +65,7 @@ impl BenchInformation<'_> {
             .iter()
             .for_each(|place| information.know(self.shared() + place, 1.0));
         if rung == Rung::SensorKnown {
-            // As good as exact.
+            // Practically exact.
             (0..self.shared()).for_each(|unknown| information.know(unknown, 1e-12));
         } else {
             let evaluations = self.by_evaluation.iter().zip(Evaluation::ALL);
@@ -79,8 +79,8 @@ impl BenchInformation<'_> {
         information.variance(&of_load)
     }
 
-    /// The derivatives of a press whose springs and stiffening differ from the bench's by what the temperature's coefficients leave
-    /// open, as unknowns of their own.
+    /// Derivatives of a press whose springs and stiffening differ from the bench's by the
+    /// uncertainty of the temperature coefficients, as separate unknowns.
     fn separated(&self, of: &Differentiated) -> Differentiated {
         let away_k = self.plant.thermal.ambient_change_k;
         let deviation = |name: &str| {

@@ -1,17 +1,19 @@
-//! Which of the readings a bound counts, and what it takes for known.
+//! Readings that a bound counts, and its assumptions.
 
-/// Which of the readings count, and what is known: from what the sensor could tell at most to what the chain makes use of.
+/// Steps from all information of the sensor down to the information that the chain uses: the
+/// readings counted, and the assumed knowledge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rung {
-    /// Everything of the sensor is known; a press is read as a whole.
+    /// The sensor is known exactly; all readings of a press count.
     SensorKnown,
-    /// Bench and press are read as a whole.
+    /// All readings of bench and press count.
     Everything,
-    /// Only the conversions within falls count.
+    /// Only conversions within falls count.
     Falls,
-    /// The press may drift, straight and as the logarithm of time, so that creep tells nothing of the load.
+    /// The press may also drift, linearly and with the logarithm of time, so creep carries no
+    /// information about the load.
     Drifting,
-    /// And what the coil's own heat shows of the temperature's coefficients is not used.
+    /// In addition, the coil's own heat carries no information about the temperature coefficients.
     WithoutOwnHeat,
 }
 
@@ -33,7 +35,7 @@ impl Rung {
     }
 }
 
-/// How the conversions of a train are used.
+/// Use of the conversions of a train.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Evaluation {
     Whole,

@@ -1,4 +1,4 @@
-//! What presses come to beside their bounds: figures, tables, JSON.
+//! Output of the results beside their bounds: figures, tables, JSON.
 
 use std::io::{self, Write};
 
@@ -10,29 +10,30 @@ use serde::Serialize;
 
 use super::{Arguments, JudgedPress};
 
-/// What the presses of one load come to, as root mean squares of ln, and efficiencies: variance of a bound over the variance that
-/// was measured.
+/// Results of one load, as rms of ln, and efficiencies: variance of a bound over the measured
+/// variance.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Efficiency {
     pub(super) ratio: f64,
     pub(super) presses: usize,
     pub(super) measured_rms_ln: f64,
     pub(super) planned_rms_ln: f64,
-    /// Of all that is read.
+    /// Bound from all readings.
     pub(super) bound_rms_ln: f64,
-    /// If everything of the sensor were known.
+    /// Bound for an exactly known sensor.
     pub(super) sensor_known_rms_ln: f64,
-    /// Of the falls alone.
+    /// Bound from the falls alone.
     pub(super) falls_rms_ln: f64,
-    /// Of the falls, of presses that may drift.
+    /// Bound from the falls, with presses that may drift.
     pub(super) drifting_rms_ln: f64,
-    /// Of the same, where the coil's own heat shows nothing of the temperature's coefficients.
+    /// Bound from the falls, with presses that may drift, without information from the coil's own
+    /// heat.
     pub(super) without_own_heat_rms_ln: f64,
     /// Efficiency of the whole chain.
     pub(super) efficiency: f64,
-    /// Its standard error: what so many presses leave open of the variance.
+    /// Standard error of that efficiency, from the number of presses.
     pub(super) efficiency_standard_error: f64,
-    /// Efficiency within what the chain makes use of.
+    /// Efficiency relative to the information that the chain uses.
     pub(super) efficiency_without_own_heat: f64,
 }
 
@@ -47,7 +48,7 @@ impl Efficiency {
             of_load.iter().map(|press| of(press)).sum::<f64>() / count
         };
         let measured = mean(&|press| press.error_ln.powi(2));
-        // What the squares' own scatter leaves open of their mean.
+        // Uncertainty of the mean of the squares, from their scatter.
         let of_square = mean(&|press| (press.error_ln.powi(2) - measured).powi(2));
         let relative = (of_square / (count - 1.0)).sqrt() / measured;
         let [sensor_known, whole, falls, drifting, without_own_heat] =

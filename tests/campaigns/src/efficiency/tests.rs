@@ -1,11 +1,11 @@
-//! The bound of a small bench, against estimates that are made otherwise.
+//! The bound of a small bench, against estimates by other methods.
 
 use palpate_sim::random::Stream;
 
 use super::train::TrainTask;
 use super::*;
 
-/// Noise of a frequency, relative: of conversions of a millisecond.
+/// Relative noise of a frequency, for conversions of a millisecond.
 const SIGMA: f64 = 8.7e-6;
 
 fn plant() -> (Stack, Disturbances, Parameters) {
@@ -16,7 +16,7 @@ fn plant() -> (Stack, Disturbances, Parameters) {
     (stack, disturbances, plant)
 }
 
-/// The bench of a block and one spring, pressed to one depth.
+/// A bench with a block and one spring, pressed to one depth.
 fn small(plant: &Parameters, stack: &Stack) -> BenchTask {
     let mut task = BenchTask::of(plant, stack, Switches::all(), &default_settings());
     task.plan.springs_n_per_m = vec![plant.sensing.spring_n_per_m];
@@ -43,7 +43,7 @@ fn what_is_read_less_or_known_less_leaves_more_open() {
     let mut larger = task.clone();
     larger.plan.depths.push(1.4);
     let larger = bounds(&larger);
-    // What is known of the sensor does not come from the bench.
+    // For an exactly known sensor the bound does not depend on the bench.
     assert!(
         (larger[0] / small[0] - 1.0).abs() < 1e-6,
         "{larger:?} {small:?}"
@@ -55,7 +55,7 @@ fn what_is_read_less_or_known_less_leaves_more_open() {
     );
 }
 
-/// Least squares of load and place on readings with noise, by derivatives of another kind.
+/// Least squares of load and position on noisy readings, with derivatives by another method.
 #[test]
 fn estimates_of_a_known_sensor_scatter_by_the_bound() {
     const TRIALS: u32 = 400;
@@ -116,7 +116,7 @@ fn estimates_of_a_known_sensor_scatter_by_the_bound() {
         squares += ((noisy_load * pp - noisy_place * lp) / (ll * pp - lp * lp)).powi(2)
             / f64::from(TRIALS);
     }
-    // 400 squares find a variance within 7 %.
+    // 400 squares determine a variance within 7 %.
     assert!((squares / bound - 1.0).abs() < 0.25, "{squares} {bound}");
 }
 
@@ -133,7 +133,7 @@ fn no_bound_is_above_what_presses_come_to() {
             unknowns: &unknowns,
             plant: draw(&stack, &disturbances, seed),
         };
-        // A supply that cannot drive the peak ends a calibration.
+        // A supply that cannot drive the peak current ends a calibration.
         presses.extend(sensor.presses().unwrap_or_default());
     }
     for ratio in LOADS {
@@ -141,7 +141,7 @@ fn no_bound_is_above_what_presses_come_to() {
         println!("{load:?}");
         assert!(load.presses > 4);
         assert!(load.efficiency - STANDARD_ERRORS * load.efficiency_standard_error <= 1.0);
-        // And what the chain uses is used: a third of it at least, on so few sensors.
+        // The chain uses its information: at least a third of it, on so few sensors.
         assert!(load.efficiency_without_own_heat > 0.3);
         assert!((0.6..1.7).contains(&(load.planned_rms_ln / load.measured_rms_ln)));
     }

@@ -1,4 +1,5 @@
-//! One train as the plant answers it: what is read at each conversion, and how that changes with each unknown.
+//! One train in the plant's response: the reading at each conversion, and its derivative in each
+//! unknown.
 
 use palpate_sim::Time;
 use palpate_sim::mechanics::load::Load;
@@ -10,37 +11,38 @@ use palpate_sim::world::{Setup, World};
 use palpate_simulate::instrument::SPEED_M_PER_S;
 use palpate_wire::command::Settings;
 
-/// From the end of the press to the train, s, on the bench as in use (host/simulate/src/instrument.rs).
+/// Time from the end of the press to the train, s, on the bench as in use
+/// (host/simulate/src/instrument.rs).
 pub(super) const REST_S: f64 = 0.3;
 
 /// A conversion of a train.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
-    /// Since the train began, s.
+    /// Time since the start of the train, s.
     pub(super) time_s: f64,
-    /// Deformation as the coil reads it, m.
+    /// Deformation as the coil measures it, m.
     pub(super) deformation_m: f64,
-    /// Force upon the sensor, N.
+    /// Force on the sensor, N.
     pub(super) force_n: f64,
-    /// Whether the whole conversion lies within a fall.
+    /// Whether the whole conversion is within a fall.
     pub(super) in_fall: bool,
 }
 
-/// A fall: from and to, s since the train began.
+/// A fall: start and end, s since the start of the train.
 type Fall = (f64, f64);
 
 /// A press with its train.
 #[derive(Clone, Debug)]
 pub(super) struct TrainTask<'s> {
     pub(super) settings: &'s Settings,
-    /// What is pressed; nothing for the untouched sensor.
+    /// Load; `None` for the untouched sensor.
     pub(super) load: Option<Load>,
-    /// Where the press stands, m.
+    /// Position of the press, m.
     pub(super) travel_m: f64,
 }
 
 impl TrainTask<'_> {
-    /// The readings of a train without noise and vibration.
+    /// Readings of a train without noise and vibration.
     pub(super) fn readings(&self, plant: &Parameters) -> Result<Vec<Reading>, ParameterError> {
         let mut plant = plant.clone();
         plant.press.vibration.amplitude_m = 0.0;
@@ -67,7 +69,7 @@ impl TrainTask<'_> {
             world.advance_to(begins + Time::from_secs_f64(time_s));
             let truth = world.truth();
             let within = |(from_s, to_s): &Fall| {
-                // A conversion that begins with a fall is in it, for all that rounding leaves.
+                // A conversion that starts with a fall counts as within it, despite rounding.
                 let half_s = 0.5 * interval_s - 1e-9;
                 time_s - half_s >= *from_s && time_s + half_s <= *to_s
             };
@@ -81,7 +83,7 @@ impl TrainTask<'_> {
         Ok(readings.collect())
     }
 
-    /// The corners of the current, and the falls, each from and to, s.
+    /// Corners of the current, and the falls, each with start and end, s.
     fn profile(&self) -> (Vec<(Time, f64)>, Vec<Fall>) {
         let settings = self.settings;
         let [rise_s, hold_s, fall_s] =
@@ -103,7 +105,8 @@ impl TrainTask<'_> {
     }
 }
 
-/// How the readings change with an unknown that moves them from `less` to `more` over so many of its units.
+/// Derivative of the readings in an unknown that changes them from `less` to `more` over `units` of
+/// its units.
 pub(super) fn derivative(less: &[Reading], more: &[Reading], units: f64) -> Vec<(f64, f64)> {
     let pairs = less.iter().zip(more);
     pairs

@@ -1,10 +1,10 @@
-//! What is not known of a sensor and its bench before anything is read, each with the spread with which it is drawn.
+//! Initially unknown quantities of a sensor and its bench, each with the spread of its draw.
 
 use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::quantity::Quantity;
 use palpate_sim::stack::{Disturbances, Stack};
 
-/// An unknown of the sensor, in units of the standard deviation with which it is drawn.
+/// An unknown of the sensor, in units of the standard deviation of its draw.
 pub(super) struct Unknown {
     pub(super) name: &'static str,
     /// Standard deviation: of the quantity, or of its logarithm.
@@ -14,7 +14,7 @@ pub(super) struct Unknown {
 }
 
 impl Unknown {
-    /// Nothing for a quantity that is the same in all sensors.
+    /// An unknown; `None` for a quantity that is the same in all sensors.
     fn new(
         name: &'static str,
         drawn: &Quantity,
@@ -27,7 +27,7 @@ impl Unknown {
         } else {
             max - min
         };
-        // Of a uniform distribution.
+        // Standard deviation of a uniform distribution.
         let deviation = width / 12_f64.sqrt();
         (deviation > 0.0).then_some(Self {
             name,
@@ -37,7 +37,7 @@ impl Unknown {
         })
     }
 
-    /// The sensor with the quantity so many standard deviations away.
+    /// The sensor with this quantity shifted by `deviations` standard deviations.
     pub(super) fn moved(&self, sensor: &Parameters, deviations: f64) -> Parameters {
         let mut moved = sensor.clone();
         let by = deviations * self.deviation;
@@ -47,25 +47,25 @@ impl Unknown {
         } else {
             *value += by;
         }
-        // Both layers are of one elastomer.
+        // Both layers consist of one elastomer.
         moved.actuated.spring_per_kelvin = moved.sensing.spring_per_kelvin;
         moved
     }
 }
 
-/// Names of the unknowns that a change of the temperature acts through.
+/// Names of the unknowns through which a change of temperature acts.
 pub(super) const SPRINGS_PER_KELVIN: &str = "springs, per kelvin";
 pub(super) const STIFFENING_PER_KELVIN: &str = "stiffening, per kelvin";
-/// Names of the unknowns that they change.
+/// Names of the unknowns that they affect.
 pub(super) const SENSING: &str = "c_S";
 pub(super) const ACTUATED: &str = "c_D0";
 pub(super) const STIFFENING: &str = "stiffening";
 
-/// What the bare bench leaves open of its frame, m/N: the stage's scale errs by up to a micrometre, at 20 N
-/// (sim-host/stacks/disturbances.toml, host/calibration/src/bench.rs).
+/// Remaining uncertainty of the frame after the bare bench, m/N: the stage's scale errs by up to a
+/// micrometre, at 20 N (sim-host/stacks/disturbances.toml, host/calibration/src/bench.rs).
 const FRAME_M_PER_N: f64 = 1e-6 / 20.0 / 1.414;
 
-/// All unknowns of sensors of a stack, but those of single presses.
+/// All unknowns of sensors of a stack, except those of single presses.
 pub(super) fn unknowns(stack: &Stack, disturbances: &Disturbances) -> Vec<Unknown> {
     let d = disturbances;
     let law = &d.magnetorheological;
@@ -159,5 +159,5 @@ pub(super) fn unknowns(stack: &Stack, disturbances: &Disturbances) -> Vec<Unknow
     all.into_iter().flatten().collect()
 }
 
-/// Name of the frame's unknown, which is the bench's alone.
+/// Name of the frame's unknown, which belongs to the bench alone.
 pub(super) const FRAME: &str = "frame of the bench";

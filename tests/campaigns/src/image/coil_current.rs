@@ -1,6 +1,6 @@
-//! the coil's current as the firmware's image drives it, over resistance, inductance and
-//! supply; its error before any calibration; two uses weeks apart; and two minutes of full
-//! telemetry. Prints its result as Markdown; fails if one of the bars is missed.
+//! `cargo campaign coil-current`: the coil's current as driven by the firmware image, over
+//! resistance, inductance and supply; its error before any calibration; two uses weeks apart; and
+//! two minutes of full telemetry. Prints its result as Markdown; fails if a limit is missed.
 
 use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
@@ -14,15 +14,15 @@ use palpate_sim::random;
 use palpate_wire::code::Stream;
 
 const FULL_SCALE_A: f64 = 10.0;
-/// The bars.
+/// Limits of the claims.
 const OVERSHOOT: f64 = 0.02;
 const BEND: f64 = 0.005;
 const ABSOLUTE: f64 = 0.02;
 const REPEATED: f64 = 0.002;
 const LATENCY: Time = Time::from_us(10);
-/// Chains of measurement that are drawn.
+/// Number of measurement chains drawn.
 const CHAINS: u64 = 10;
-/// With samples, and as long again with raw words.
+/// Duration with samples; the run with raw words is as long.
 const TELEMETRY: Time = Time::from_ms(60_000);
 
 fn conditions(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> PlantConditions {
@@ -34,13 +34,13 @@ fn conditions(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> PlantCondition
     }
 }
 
-/// The current that this supply can push for ever, A, with something left to regulate with.
+/// Greatest current that this supply can sustain, A, with a reserve for the control.
 fn reachable_a(conditions: &PlantConditions) -> f64 {
     let ohm = conditions.coil_ohm + BridgeCircuit::default().bridge_ohm + conditions.supply_ohm;
     (0.8 * conditions.supply_v / ohm).min(FULL_SCALE_A)
 }
 
-/// Every corner; whether all hold.
+/// Runs every corner; returns whether all hold.
 fn corners() -> bool {
     println!("## Resistance, inductance and supply\n");
     println!(
@@ -88,8 +88,8 @@ fn micro(time: Time) -> String {
     format!("{:.0} µs", time.as_secs_f64() * 1e6)
 }
 
-/// A chain of the range that sources give: gain within 1 % (amplifier 0.5 %, shunt 0.5 %), offset
-/// within 0.1 A, reference within 0.5 %, bow of any phase.
+/// A measurement chain from the published ranges: gain within 1 % (amplifier 0.5 %, shunt 0.5 %),
+/// offset within 0.1 A, reference within 0.5 %, non-linearity of any phase.
 fn drawn(seed: u64) -> BridgeCircuit {
     let mut chance = random::Stream::named(seed, "coil_current");
     BridgeCircuit {
@@ -104,8 +104,8 @@ fn drawn(seed: u64) -> BridgeCircuit {
     }
 }
 
-/// The same after ten kelvin and weeks: 50 ppm/K of the amplifier's gain, 50 ppm/K of the reference,
-/// 5 mA of its offset; another resistance of the copper, another supply.
+/// The chain after ten kelvin and weeks: 50 ppm/K of the amplifier's gain, 50 ppm/K of the
+/// reference, 5 mA of its offset; another resistance of the copper, another supply.
 fn weeks_later(
     seed: u64,
     drive: &BridgeCircuit,
@@ -124,8 +124,8 @@ fn weeks_later(
     (drive, conditions)
 }
 
-/// A use: the true means of conversions at currents over the whole range, and on ramps between
-/// them; with the currents that were requested, where they were held.
+/// One use: true means of conversions at currents over the whole range, and on ramps between them;
+/// with the setpoints of the constant currents.
 struct Use {
     held: Vec<(f64, Vec<f64>)>,
     ramps: Vec<super::common::driven::ChargeCurve>,
@@ -150,9 +150,9 @@ fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
     Use { held, ramps }
 }
 
-/// Greatest difference of held currents and of ramps. A conversion's window has its time on the
-/// ramp, which begins when the image has read the command: the time between the two uses that makes
-/// the difference least, a few periods.
+/// Greatest difference of constant currents and of ramps between two uses. Each window has its own
+/// time on the ramp, which starts when the image has read the command: the time offset that
+/// minimises the difference is used, a few periods.
 fn difference(first: &Use, second: &Use) -> [f64; 2] {
     let greatest = |first: &[f64], second: &[f64]| {
         let pairs = first.iter().zip(second);
@@ -175,7 +175,7 @@ fn difference(first: &Use, second: &Use) -> [f64; 2] {
     [held_a.fold(0.0, f64::max), ramps_a.fold(0.0, f64::max)]
 }
 
-/// Every chain; whether all hold.
+/// Runs every chain; returns whether all hold.
 fn chains() -> bool {
     println!("## Absolute error, and two uses weeks apart\n");
     println!(
@@ -209,7 +209,7 @@ fn chains() -> bool {
     holds
 }
 
-/// Two minutes; whether nothing was missed.
+/// Runs two minutes; returns whether nothing was missed.
 fn full_telemetry() -> bool {
     println!("## Full telemetry while the coil is driven\n");
     println!(

@@ -1,5 +1,5 @@
-//! faults of bus and converter, and crashes in the midst of a ramp, each from a snapshot
-//! of the running image. Prints its result as Markdown; fails if a claim does not hold.
+//! `cargo campaign image-faults`: faults of bus and converter, and crashes during a ramp, each from
+//! a snapshot of the running image. Prints its result as Markdown; fails if a claim does not hold.
 
 use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
@@ -8,15 +8,15 @@ use super::common::{Crash, RecordedBoard, TASKS, ramping, streaming};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
 use palpate_emulator::{Image, LineFault, firmware};
 
-/// From the end of a cause to the next good sample.
+/// Longest time from the end of a cause to the next good sample.
 const RECOVERY: Time = Time::from_ms(50);
-/// From a panic or a fault to a bridge that is off, and from a hang.
+/// Longest times from a panic or a fault, and from a hang, to a bridge that is off.
 const OFF_AT_ONCE: Time = Time::from_ms(1);
 const OFF_AFTER_HANG: Time = Time::from_ms(60);
-/// Points of a ramp, 3 ms apart.
+/// Number of points of a ramp, 3 ms apart.
 const POINTS: u64 = 20;
 
-/// The worst of some cases.
+/// Worst result of a group of cases.
 struct FaultRow {
     what: String,
     cases: u32,
@@ -36,7 +36,7 @@ impl FaultRow {
         }
     }
 
-    /// A case that took so long, or did not come to its end.
+    /// Adds a case with its time; `None` for a case that did not end.
     fn add(&mut self, took: Option<Time>) {
         self.cases += 1;
         match took {
@@ -49,8 +49,8 @@ impl FaultRow {
     }
 }
 
-/// From now to the next sample that follows no gap; nothing if it does not come, if the watchdog
-/// had to help, or if a word with an error flag was called a sample.
+/// Time from now to the next sample without a gap; `None` if there is no such sample, if the
+/// watchdog reset the board, or if a word with an error flag was sent as a sample.
 fn recovery(bench: &mut RecordedBoard) -> Option<Time> {
     let begin = bench.board.now();
     bench.frames.clear();
@@ -160,8 +160,8 @@ fn converter(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
         bench.run(Time::from_ms(300));
         let reported = bench.faults().iter().any(|fault| fault.active);
         bench.board.chip_mut().clear_faults();
-        // A recovery pauses for 20 ms between two attempts and brings the converter up for the
-        // first time, which seeks its drive: that is allowed 100 ms here.
+        // A recovery pauses for 20 ms between two attempts; the first start of the converter also
+        // searches for its drive current: 100 ms are allowed here.
         row.add(recovery(&mut bench).filter(|_| scheduled && reported));
     }
     row.limit = Time::from_ms(100);

@@ -1,5 +1,6 @@
-//! how fast the image streams, how soon it answers an edge, what it loses and whether it
-//! counts that. Prints its result as Markdown; fails if a loss is not counted or an edge waits.
+//! `cargo campaign image-rates`: rate of the stream, delay after an edge, losses, and whether the
+//! losses are counted. Prints its result as Markdown; fails if a loss is not counted or an edge
+//! waits.
 
 use palpate_cli::evidence::{BEGIN, END};
 use std::ops::{Range, RangeInclusive};
@@ -11,9 +12,9 @@ use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::Command;
 use palpate_wire::record::Status;
 
-/// The longest that an edge that meets a free bus may wait.
+/// Longest delay of an edge while the bus is free.
 const LATENCY: Time = Time::from_us(10);
-/// How long each case runs.
+/// Duration of each case.
 const LENGTH: Time = Time::from_ms(60_000);
 
 struct RateCase {
@@ -26,7 +27,7 @@ struct RateCase {
 }
 
 impl RateCase {
-    /// Frames a second of 400 kHz and 10 us between two of them.
+    /// Frame rate of 400 kHz with 10 us between two frames, Hz.
     fn limit_hz(&self) -> f64 {
         1.0 / (f64::from(self.bit_times) * 2.5e-6 + 10e-6)
     }
@@ -34,8 +35,8 @@ impl RateCase {
 
 struct RateResult {
     rate_hz: f64,
-    /// At least and at most: the firmware does not report a status at the very moment at which the
-    /// campaign reads the converter's own count.
+    /// Least and most: the firmware reports a status at another time than the campaign reads the
+    /// converter's own count.
     lost: RangeInclusive<u32>,
     reported: u32,
     median: Time,
@@ -105,8 +106,8 @@ fn measure(case: &RateCase) -> RateResult {
     }
 }
 
-/// What is asked for. A register takes 47 bit times, and a STOP follows the last; where STATUS
-/// alone releases INTB it is one more register of every frame.
+/// Requested cases. A register takes 47 bit times, and a STOP follows the last one; where only
+/// STATUS releases INTB, it is one more register of every frame.
 fn cases() -> Vec<RateCase> {
     let mut cases = Vec::new();
     for (release, registers) in [

@@ -1,6 +1,6 @@
-//! starts of the converter and changes of settings, at many phases: whether every time
-//! stamp is right or its sample marked, and no sample of two scans. Prints its result as Markdown;
-//! fails if a sample that is not marked is wrong, or a change raises a fault.
+//! `cargo campaign image-starts`: starts of the converter and changes of settings, at many phases.
+//! Checks that every time stamp is right or its sample marked, and that no sample mixes two scans.
+//! Prints its result as Markdown; fails if an unmarked sample is wrong, or a change raises a fault.
 
 use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
@@ -10,22 +10,23 @@ use super::common::stamps::{Judged, Shared, Silicon, change, judge, judge_both};
 use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Time};
 use palpate_wire::{Frame, Record};
 
-/// Starts and changes of each case: 64 cases make 256 of each.
+/// Number of starts and changes of each case: 64 cases make 256 of each.
 const REPEATS: usize = 4;
-/// How long each runs after its first sample is due.
+/// Duration of each run after its first sample is due.
 const LENGTH: Time = Time::from_ms(80);
-/// Between the moments at which the converter is disturbed or the command comes: no part of any
-/// period. Sixteen of them go through the periods of most rates in steps of a few hundred microseconds.
+/// Interval between the times at which the converter is disturbed or the command arrives; it
+/// divides no period. Sixteen intervals step through the periods of most rates by a few hundred
+/// microseconds each.
 const PHASE: Time = Time::from_us(1_237);
 const PHASES: u64 = 16;
 
-/// What became of the starts or changes of a case.
+/// Results of the starts or changes of a case.
 #[derive(Default)]
 struct StartRow {
     runs: u32,
     judged: Judged,
     faults: u32,
-    /// From the command to the first sample.
+    /// Longest time from the command to the first sample.
     longest: Time,
 }
 
@@ -36,12 +37,12 @@ impl StartRow {
     }
 }
 
-/// The time in which any of the rates makes some scans.
+/// Time for several scans at any of the rates.
 fn length(rate_hz: f32) -> Time {
     LENGTH + Time::from_secs_f64(5.0 / f64::from(rate_hz))
 }
 
-/// A change of settings; returns the bench in which they are in force.
+/// Changes the settings; returns the bench in which they are in force.
 fn changed(
     snapshot: &RecordedBoard,
     channels: u8,
@@ -58,7 +59,7 @@ fn changed(
     let edges = bench.board.chip().interrupts();
     bench.run(length(rate_hz));
     let first = bench.samples().find(|(_, it)| it.channels.len() == count);
-    // A sample's own time: it was sent as soon as it was made.
+    // The sample's own time: it was sent as soon as it was made.
     let origin_us = begin.as_secs_f64() * 1e6;
     if let (Some((time_us, _)), true) = (first, edges > 0) {
         let took_us = (time_us as f64 - origin_us).max(0.0);
@@ -69,7 +70,7 @@ fn changed(
     bench
 }
 
-/// The converter loses everything, and is started again with the same settings.
+/// The converter loses all its registers, and restarts with the same settings.
 fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut StartRow) {
     let mut bench = snapshot.clone();
     bench.frames.drain(..bench.frames.len().saturating_sub(1));
@@ -77,12 +78,12 @@ fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut Start
     let event = FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
     let scheduled = bench.board.chip_mut().schedule(event);
     assert!(scheduled.is_ok(), "no slot for a fault");
-    // Until its silence is seen, and it is brought up.
+    // Until its silence is detected, and it has restarted.
     bench.run(length(rate_hz) + Time::from_ms(120));
     row.add(&judge(&bench));
 }
 
-/// What releases INTB, and how DATA is overwritten.
+/// Release of INTB and overwriting of DATA, in words.
 const fn silicon_words(silicon: Silicon) -> [&'static str; 2] {
     let by = match silicon.release {
         InterruptRelease::StatusOnly => "STATUS",
@@ -118,7 +119,8 @@ fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&StartRow; 2]) {
     );
 }
 
-/// The rates of two converters with 1 to 4 channels: the last is the highest that the bus can fetch from both.
+/// Rates of two converters with 1 to 4 channels; the last is the highest that the bus can fetch
+/// from both.
 const RATES_OF_TWO_HZ: [[f32; 4]; 4] = [
     [100.0, 250.0, 500.0, 1_000.0],
     [100.0, 250.0, 500.0, 810.0],
@@ -126,7 +128,7 @@ const RATES_OF_TWO_HZ: [[f32; 4]; 4] = [
     [100.0, 200.0, 250.0, 430.0],
 ];
 
-/// Forgets what was sent before the last command was answered: samples of the old settings.
+/// Drops frames sent before the answer to the last command: samples of the old settings.
 fn forget_before_the_answer(bench: &mut RecordedBoard) {
     let is_answer = |frame: &Frame<Record>| matches!(frame.message, Record::Acknowledgement(_));
     if let Some(answer) = bench.frames.iter().rposition(is_answer) {
@@ -134,8 +136,8 @@ fn forget_before_the_answer(bench: &mut RecordedBoard) {
     }
 }
 
-/// Changes of settings of two converters, and the second one that loses everything and is started again
-/// while the first one goes on; whether nothing was lost or wrong, and no fault was false.
+/// Changes settings of two converters, and lets the second one lose its registers and restart while
+/// the first one continues; returns whether nothing was lost or wrong, and no fault was false.
 fn of_two() -> bool {
     println!(
         "| channels | rate | INTB released by | DATA overwritten | changes | samples | marked \

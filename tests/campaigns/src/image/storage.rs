@@ -1,5 +1,5 @@
-//! settings and calibration in the flash of the running image, with cuts of power at every
-//! operation of it, bits that flip, and everything else that goes on meanwhile. Prints its result as
+//! `cargo campaign image-storage`: settings and calibration in the flash of the running image, with
+//! power cuts at every flash operation, flipped bits, and all other activity. Prints its result as
 //! Markdown; fails if a claim does not hold.
 
 use palpate_cli::evidence::{BEGIN, END};
@@ -15,16 +15,16 @@ use palpate_emulator::{FlashTimes, Time};
 use palpate_wire::code::StorageState;
 use palpate_wire::{Command, configuration_crc};
 
-/// Seeds of what a cut of power leaves in an operation.
+/// Number of seeds for the effect of a power cut in an operation.
 const SEEDS: u64 = 2;
-/// Operations of the next save at which the power fails again, for each of the first.
+/// Number of second power cuts in the next save, for each first one.
 const NESTED: u64 = 3;
-/// Bits of what is stored that flip, one at a time.
+/// Number of stored bits to flip, one at a time.
 const FLIPS: usize = 200;
-/// Saves with the longest times, each from another phase of the converter against the flash.
+/// Number of saves with the longest flash times, each at another phase of the converter.
 const SAVES: u64 = 12;
 
-/// How often each thing came out, and how often something that must not.
+/// Counts of each outcome, and of forbidden ones.
 #[derive(Default)]
 struct Tally {
     rows: Vec<[String; 5]>,
@@ -41,7 +41,7 @@ impl Tally {
     }
 }
 
-/// A cut at every operation of a save, and again in the next save.
+/// Cuts the power at every operation of a save, and again in the next save.
 fn cuts(
     amount: Amount,
     seed: u64,
@@ -82,7 +82,7 @@ fn add(tally: &mut Tally, what: &str, counts: &BTreeMap<Which, u32>) {
     );
 }
 
-/// A cut at every operation that erases all: either all is there, or nothing.
+/// Cuts the power at every operation of a complete erase: either everything remains, or nothing.
 fn erasures(tally: &mut Tally) {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let commands = configuration(1, Amount::Usual);
@@ -111,7 +111,7 @@ fn erasures(tally: &mut Tally) {
     tally.add("`erase`, at each operation", cases, before, after, broken);
 }
 
-/// A cut, or `load`, after each command of another calibration.
+/// Cuts the power, or sends `load`, after each command of another calibration.
 fn abandoned(tally: &mut Tally) {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let old = configuration(1, Amount::Full);
@@ -143,7 +143,7 @@ fn abandoned(tally: &mut Tally) {
     );
 }
 
-/// Bits at even distances over all that is written.
+/// Flips bits at equal distances over all stored data.
 fn flips() -> BTreeMap<BitFlip, u32> {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let commands = configuration(2, Amount::Usual);
@@ -159,7 +159,7 @@ fn flips() -> BTreeMap<BitFlip, u32> {
     counts
 }
 
-/// Saves of both amounts with the flash's greatest times.
+/// Saves both amounts with the flash's longest times.
 fn saves() -> Vec<(Amount, DuringSave, u32)> {
     let mut all = Vec::new();
     for amount in [Amount::Usual, Amount::Full] {

@@ -1,5 +1,6 @@
-//! the image at a USB host, with a second PC at the probe and the coil in its train. Prints
-//! its result as Markdown; fails if a claim does not hold. Its seed is the argument after `--seed`.
+//! `cargo campaign image-usb`: the image at a USB host, with a second PC at the probe and the coil
+//! in its train. Prints its result as Markdown; fails if a claim does not hold. Its seed is the
+//! argument after `--seed`.
 
 use palpate_cli::evidence::{BEGIN, END};
 use std::collections::BTreeSet;
@@ -16,17 +17,18 @@ use palpate_emulator::Time;
 use palpate_emulator::usb::check_descriptors;
 use palpate_procedure::Link;
 
-/// The longest that an edge that meets a free bus may wait.
+/// Longest delay of an edge while the bus is free.
 const LATENCY: Time = Time::from_us(10);
-/// From one level of the coil's PWM to the next: one and a half periods and it came late.
+/// Longest interval between two levels of the coil's PWM: after one and a half periods a level was
+/// late.
 const LEVELS_APART: Time = Time::from_us(24);
-/// The most of the processor in the train, both links in use.
+/// Greatest processor load in the train, with both links in use.
 const LOAD: f32 = 0.55;
-/// From a fault to a bridge that is off, and from a hang or a request to start anew.
+/// Longest times from a fault, and from a hang or a restart request, to a bridge that is off.
 const OFF_AT_ONCE: Time = Time::from_ms(1);
 const OFF_AFTER_HANG: Time = Time::from_ms(60);
-/// From a PC's last word to the end of a current that it commanded, and what the test adds: a command
-/// and its answer take 2 ms.
+/// Allowed time from a PC's last command to the end of its current, including the overhead of the
+/// test: a command and its answer take 2 ms.
 const SILENCE: std::ops::Range<Time> = Time::from_ms(95)..Time::from_ms(103);
 
 const STREAM: Time = Time::from_ms(60_000);
@@ -34,7 +36,7 @@ const CONTROL_TRANSFERS: u32 = 100_000;
 const STOPPED: Time = Time::from_ms(5_000);
 const ROUNDS: u32 = 100;
 const RUBBISH: usize = 1_000_000;
-/// Points of the train, 25 ms apart.
+/// Number of points of the train, 25 ms apart.
 const POINTS: u64 = 20;
 
 fn us(time: Time) -> String {
@@ -112,7 +114,7 @@ fn streams() -> bool {
     holds
 }
 
-/// A line of the account; whether it is exact.
+/// A line of the loss account; returns whether it is exact.
 fn account(what: &str, bench: &UsbBench, cut: u32) -> bool {
     let tally = bench.port.tally();
     let (missing, dropped) = missing(&tally);

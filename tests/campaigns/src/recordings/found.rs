@@ -1,4 +1,4 @@
-//! What is in a recording that another process has written.
+//! Content of a recording that another process has written.
 
 use std::path::Path;
 
@@ -7,33 +7,33 @@ use palpate_cli::failure::Failure;
 use palpate_wire::Record;
 use palpate_wire::record::Sample;
 
-/// What is in a file that was written by another process.
+/// Content of such a file.
 #[derive(Default)]
 pub(super) struct RecordingContents {
     pub(super) contents: Contents,
     pub(super) samples: u64,
-    /// Scans that the samples say are missing before them.
+    /// Number of missing scans that the samples report.
     pub(super) missed: u64,
     /// Arrival of the last record, ns since 1970.
     pub(super) last_ns: Option<u64>,
 }
 
 impl RecordingContents {
-    /// Records that are missing between the first and the last.
+    /// Number of records missing between the first and the last.
     pub(super) fn missing(&self) -> u64 {
         self.contents.boots().iter().map(|boot| boot.missing).sum()
     }
 
     fn sample(&mut self, sample: &Sample) {
         self.samples += 1;
-        // What goes before the first one is no loss of this recording.
+        // Losses before the first record do not belong to this recording.
         if self.samples > 1 {
             self.missed += u64::from(sample.missed);
         }
     }
 }
 
-/// Reads a file as far as it goes.
+/// Reads a file as far as possible.
 pub(super) fn read(file: &Path) -> Result<RecordingContents, Failure> {
     let mut found = RecordingContents::default();
     for entry in &mut Reader::open(file)? {

@@ -1,4 +1,4 @@
-//! A recording on a disk that becomes full: a small file system in memory, in a name space of its own.
+//! A recording on a disk that becomes full: a small file system in memory, in its own name space.
 
 use std::env;
 use std::fs;
@@ -10,11 +10,11 @@ use super::Part;
 use super::found;
 use crate::tool::Tool;
 
-/// Makes the file system, records there until it is full, and keeps what was left.
+/// Script that makes the file system, records there until it is full, and keeps the result.
 const SCRIPT: &str = "mkdir \"$1/small\" && mount -t tmpfs -o size=1m tmpfs \"$1/small\" || exit 99
 \"$0\" record \"$1/small/full.mcap\" --board emulated --state \"$1/full.flash\" --image \"$2\" --for 60; code=$?
 cp \"$1/small/full.mcap.partial\" \"$1/left.mcap\" && exit $code";
-/// What the script ends with where there is no such file system.
+/// Exit code of the script if such a file system is not available.
 const NO_FILE_SYSTEM: i32 = 99;
 
 pub(super) fn run(tool: &Tool) -> Result<Part, Failure> {

@@ -1,4 +1,4 @@
-//! Recordings whose program is killed at random times.
+//! Recordings whose process is killed at random times.
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -14,30 +14,30 @@ use super::Part;
 use super::found;
 use crate::tool::Tool;
 
-/// From the file's creation to the kill, at most, s.
+/// Longest time from the file's creation to the kill, s.
 const LATEST_S: f64 = 4.0;
-/// What may be missing at the end, s: docs/desk.md promises it.
+/// Longest missing time at the end, s, as promised by docs/desk.md.
 const PROMISED_S: f64 = 1.0;
-/// How long a program may take to begin.
+/// Longest start-up time of a program.
 const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK: Duration = Duration::from_millis(5);
 
-/// A program of this computer that ends with this.
+/// A child process that is killed when this value is dropped.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended.
+        // It may already have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// What a kill left.
+/// Result of a kill.
 struct Left {
-    /// From the creation of the file to the kill, s.
+    /// Time from the creation of the file to the kill, s.
     ran_s: f64,
-    /// From the last record that can be read to the kill, s; from the creation where there is none.
+    /// Time from the last readable record to the kill, s; from the creation if there is no record.
     lacks_s: f64,
     records: u64,
     missing: u64,
@@ -70,7 +70,7 @@ pub(super) fn run(tool: &Tool, kills: u32, seed: u64) -> Result<Part, Failure> {
     })
 }
 
-/// Serves an emulated board; says where.
+/// Serves an emulated board; returns its address.
 fn serve(tool: &Tool) -> Result<(Running, String), Failure> {
     let (flash, image) = (tool.name("served.flash"), tool.image());
     let serve = ["serve-emulated", "--listen", "127.0.0.1:0"];

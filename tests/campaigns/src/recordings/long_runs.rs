@@ -1,4 +1,4 @@
-//! Long recordings at the greatest load: at 1 kHz, and of four channels at 500 Hz.
+//! Long recordings at the greatest load: one channel at 1 kHz, and four channels at 500 Hz.
 
 use std::process::{Child, Stdio};
 
@@ -12,16 +12,16 @@ use super::Part;
 use super::found;
 use crate::tool::Tool;
 
-/// What is recorded: its name, and its settings. The emulated board has one sensor: the other channels
-/// convert nothing, and are sent all the same.
+/// Recordings: name and settings. The emulated board has one sensor: the other channels convert
+/// nothing, but are sent all the same.
 const RUNS: [(&str, &str, &str); 2] = [
     ("1 kHz, one channel", "rate_hz=1000", "channels=1"),
     ("500 Hz, four channels", "rate_hz=500", "channels=15"),
 ];
-/// Their board.
+/// Seed of their board.
 const SEED: u64 = 1;
 
-/// What is read of `palpate record --json`.
+/// Fields read from `palpate record --json`.
 #[derive(Deserialize)]
 struct Recorded {
     records: u64,
@@ -30,7 +30,7 @@ struct Recorded {
     not_written: u64,
 }
 
-/// Both at once, each for so long.
+/// Runs both at once, each for `seconds`.
 pub(super) fn run(tool: &Tool, seconds: f64) -> Result<Part, Failure> {
     let mut children = Vec::new();
     for (place, (_, rate, channels)) in RUNS.into_iter().enumerate() {

@@ -1,6 +1,6 @@
-//! `cargo campaign recordings`: what recordings withstand, and what a replay gives again.
+//! `cargo campaign recordings`: robustness of recordings, and the results of replays.
 //!
-//! Everything is done by the commands that a user types, each in a process of its own.
+//! All steps use the commands that a user types, each in its own process.
 
 mod found;
 mod full_disk;
@@ -25,24 +25,23 @@ use crate::tool::Tool;
 Prints Markdown. Exit code 1 when a record is lost, a recording cannot be read, or a replay differs. \
 The full disk is a small file system in memory, for which Linux is needed.")]
 pub(crate) struct Arguments {
-    /// How long the two long recordings are, s
+    /// Duration of the two long recordings, s
     #[arg(long, default_value = "600", value_parser = quantity::duration)]
     seconds: Duration,
-    /// How many recordings are killed
+    /// Number of killed recordings
     #[arg(long, default_value_t = 50)]
     kills: u32,
-    /// How many recordings are replayed
+    /// Number of replayed recordings
     #[arg(long, default_value_t = 20)]
     replays: u64,
-    /// Of the times of the kills, and of the first board that is replayed; the following boards have the
-    /// following seeds
+    /// Seed of the kill times, and of the first replayed board; the next boards have the next seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[command(flatten)]
     image: image::Arguments,
 }
 
-/// What a part has found: its text, and what it lacks.
+/// Result of a part: its text, and its failures.
 struct Part {
     text: String,
     failed: Option<String>,

@@ -18,21 +18,21 @@ use serde_json::Value;
 use super::Part;
 use crate::tool::Tool;
 
-/// The boards' stack: the one that emulated boards have as a rule.
+/// Stack of the boards: the default of emulated boards.
 const STACK: &str = "ultrasoft";
-/// What is pressed, in units of the sensing layer's stiffness, one after the other.
+/// Stiffness of the loads in turn, in units of the sensing layer's.
 const LOADS: [&str; 5] = ["0.3", "0.7", "1.3", "2.5", "5"];
-/// How the boards are set, one after the other: conversions a second, and the drift that is allowed for.
+/// Settings of the boards in turn: conversions per second, and the fitted drift.
 const SETTINGS: [(f32, Drift); 4] = [
     (1_000.0, Drift::Logarithmic),
     (500.0, Drift::Linear),
     (800.0, Drift::Exponential),
     (1_000.0, Drift::SawTooth),
 ];
-/// The emulated board is pressed after 3 s for 5 s, lifted for 8 s, and pressed again.
+/// The emulated board is pressed after 3 s for 5 s, released for 8 s, and pressed again.
 const SECONDS: &str = "19";
 
-/// What is read of `palpate replay --json`.
+/// Fields read from `palpate replay --json`.
 #[derive(Deserialize)]
 struct Replayed {
     kinds: BTreeMap<String, Count>,
@@ -67,7 +67,7 @@ pub(super) fn run(tool: &Tool, boards: u64, seed: u64) -> Result<Part, Failure> 
         let usual = default_settings();
         CalibratedInstrument::calibrated(&stack, &disturbances, seed, Switches::all(), &usual)
     };
-    // One drawn sensor in fifty has a supply that cannot drive the peak.
+    // One drawn sensor in fifty has a supply that cannot drive the peak current.
     let instruments = (seed..).filter_map(|seed| Some((seed, calibrated(seed).ok()?)));
     let instruments = instruments.take(boards.try_into().unwrap_or(usize::MAX));
     let loads = LOADS.iter().cycle();
@@ -149,7 +149,7 @@ fn replayed(
     let file = tool.name(&format!("replayed-{seed}.mcap"));
     let record = ["record", &file, "--arm", "--load", load, "--for", SECONDS];
     let _: Value = tool.ask(&record, &board)?;
-    // A difference is exit code 1, and what was found is printed all the same.
+    // A difference is exit code 1, and the result is still printed.
     let output = tool.command(&["replay", &file, "--json"])?.output()?;
     Ok(serde_json::from_slice(&output.stdout)?)
 }

@@ -1,4 +1,4 @@
-//! `cargo campaign image-cost`: what the firmware's image costs of processor, flash and memory.
+//! `cargo campaign image-cost`: cost of the firmware image in processor time, flash and memory.
 
 mod parts;
 mod phases;
@@ -12,8 +12,8 @@ use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_emulator::Sources;
 
-/// Run the firmware's image on the emulated board, untouched, calibrated and in the train of ramps,
-/// and show where its time goes
+/// Run the firmware image on the emulated board, untouched, calibrated and in the train of ramps,
+/// and show its processor time
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown: processor load and cycles per sample by part of the firmware, handlers of interrupts \
@@ -27,10 +27,10 @@ Example:
 pub(crate) struct Arguments {
     #[command(flatten)]
     image: image::Arguments,
-    /// Which sensor of the stack is pressed
+    /// Seed of the pressed sensor
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// List so many of the costliest functions of every phase as well
+    /// List this many of the costliest functions of every phase as well
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     functions: usize,
 }

@@ -1,4 +1,4 @@
-//! Which part of the firmware an instruction belongs to, by the file that it was written in.
+//! Maps an instruction to a part of the firmware, by its source file.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub(super) enum FirmwarePart {
     Storage,
     Tasks,
     Rtic,
-    /// Works for every caller: floating point, mathematics, copying, the core library.
+    /// Shared by all callers: floating point, mathematics, copying, the core library.
     Shared,
 }
 
@@ -56,7 +56,7 @@ impl FirmwarePart {
         }
     }
 
-    /// The part that a source file belongs to.
+    /// Part of a source file.
     fn of(file: &str) -> Self {
         let file = file.replace('\\', "/");
         let found = FILES.iter().find(|(part, _)| file.contains(part));
@@ -64,7 +64,7 @@ impl FirmwarePart {
     }
 }
 
-/// Files by a part of their path; the first that fits counts.
+/// Files by a part of their path; the first match counts.
 const FILES: [(&str, FirmwarePart); 32] = [
     ("/firmware/src/board/rp2040/i2c/", FirmwarePart::Engine),
     ("/firmware/src/board/rp2040/control/", FirmwarePart::Coil),
@@ -103,7 +103,7 @@ const FILES: [(&str, FirmwarePart); 32] = [
     ("/rp2040-pac", FirmwarePart::Rtic),
 ];
 
-/// The addresses of functions that work for every caller.
+/// Addresses of functions that are shared by all callers.
 pub(super) fn shared(sources: &Sources) -> Vec<Range<u32>> {
     let functions = sources.functions().iter();
     functions
@@ -112,8 +112,7 @@ pub(super) fn shared(sources: &Sources) -> Vec<Range<u32>> {
         .collect()
 }
 
-/// The part at an address, and the function: of those inlined there, the innermost that belongs to
-/// a part of its own.
+/// Part and function at an address: the innermost inlined function that belongs to an own part.
 fn part_at(sources: &Sources, address: u32) -> (FirmwarePart, String) {
     let functions = sources.at(address);
     let owned = functions
@@ -132,9 +131,9 @@ fn part_at(sources: &Sources, address: u32) -> (FirmwarePart, String) {
 /// Cycles of a function or a part.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cycles {
-    /// In its own instructions.
+    /// Cycles in its own instructions.
     pub(super) own: u64,
-    /// With those of shared functions that it calls.
+    /// Cycles including the shared functions that it calls.
     pub(super) charged: u64,
 }
 
@@ -145,7 +144,7 @@ impl Cycles {
     }
 }
 
-/// A profile by parts and by functions.
+/// A profile, split by parts and by functions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Split {
     pub(super) parts: BTreeMap<FirmwarePart, Cycles>,

@@ -1,4 +1,4 @@
-//! The image at its work, phase by phase.
+//! Phases of the running image.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -17,53 +17,53 @@ use palpate_simulate::press::automatic;
 use palpate_wire::code::State;
 use palpate_wire::{Command, Record};
 
-/// The kind of sensor that is pressed.
+/// Kind of the pressed sensor.
 const STACK: &str = "ultrasoft";
-/// Where the object waits above the sensor, m.
+/// Initial position of the object above the sensor, m.
 const CLEARANCE_M: f64 = 0.2e-3;
-/// From the start until samples come, and from the commands to the baseline's end.
+/// Time from the start to samples, and from the commands to the end of the baseline.
 const SETTLED: Time = Time::from_ms(1_000);
-/// How long each of the steady phases is watched.
+/// Observation time of each steady phase.
 const WATCHED: Time = Time::from_ms(2_000);
-/// Much less than a train takes, which is watched for so long.
+/// Observation time within a train, much less than the train takes.
 const OF_THE_TRAIN: Time = Time::from_ms(400);
-/// Within this time the firmware computes the estimate and sends its curve.
+/// Time in which the firmware computes the estimate and sends its curve.
 const AFTERWARDS: Time = Time::from_ms(100);
-/// An estimate comes within this time after the press.
+/// Longest time from the press to an estimate.
 const PATIENCE: Time = Time::from_ms(30_000);
 
-/// What a phase has cost.
+/// Cost of a phase.
 pub(super) struct Phase {
     pub(super) name: &'static str,
     pub(super) profile: Profile,
-    /// Conversions whose interrupt came.
+    /// Number of conversions with an interrupt.
     pub(super) samples: usize,
     pub(super) passed: Time,
     pub(super) asleep: Time,
-    /// From INTB's edge to the START of the transaction.
+    /// Delays from INTB's edge to the START of the transaction.
     pub(super) latencies: Vec<Time>,
 }
 
 impl Phase {
-    /// The part of the time in which the processor did not sleep.
+    /// Share of the time in which the processor did not sleep.
     pub(super) fn load(&self) -> f64 {
         1.0 - self.asleep.as_secs_f64() / self.passed.as_secs_f64()
     }
 }
 
-/// What was found.
+/// Results of the measurement.
 pub(super) struct Measured {
-    /// Those at a steady rate.
+    /// Phases at a steady rate.
     pub(super) phases: Vec<Phase>,
     /// From there to the estimate, which is computed once.
     pub(super) rest: Phase,
     pub(super) stack_bytes: u32,
     pub(super) cpu_hz: f64,
-    /// Simulated over real time, on one core.
+    /// Ratio of simulated to real time, on one core.
     pub(super) speed: f64,
 }
 
-/// All phases with the probe's link alone, then some with a PC at the USB port as well.
+/// Measures all phases with the probe's link alone, then some with a PC at the USB port as well.
 pub(super) fn measure(
     image: &Image,
     shared: &[Range<u32>],
@@ -161,7 +161,7 @@ fn measure_by(
     })
 }
 
-/// An image under watch.
+/// An observed image.
 struct Watched<'s> {
     board: Instrument,
     shared: &'s [Range<u32>],
@@ -203,7 +203,7 @@ impl Watched<'_> {
                     _ => None,
                 });
             refused.map_or(Ok(()), |reason| Err(Failure::Refused(reason)))?;
-            // The run that tells it has to end, to be counted.
+            // The run of the handler must end to be counted.
             watched.pass(AFTERWARDS)
         })
     }

@@ -63,8 +63,8 @@ fn us(time: Time) -> String {
     format!("{:.2} µs", time.as_secs_f64() * 1e6)
 }
 
-/// The processor load that is aimed at, phase by phase, at 1 kHz. A save waits for flash in the time
-/// that is left.
+/// Target of the processor load, phase by phase, at 1 kHz. A save waits for the flash in the
+/// remaining time.
 const LOADS: [&str; 6] = ["15 %", "15 %", "45 %", "", "", "55 %"];
 
 fn whole(measured: &Measured, image: &Image) -> Table {
@@ -136,7 +136,7 @@ fn per_sample(measured: &Measured, splits: &[Split]) -> Table {
     rows
 }
 
-/// What the estimate costs, once in a train: the longest run of the tasks that it is computed in.
+/// Cost of the estimate, once in a train: the longest run of the tasks that compute it.
 fn once(measured: &Measured) -> String {
     let handlers = measured.rest.profile.handlers();
     let cycles = handlers.get(&ESTIMATES).map_or(0, |of| of.worst_cycles);
@@ -146,10 +146,10 @@ fn once(measured: &Measured) -> String {
     )
 }
 
-/// Exception of the tasks of the lower priority, the procedure's among them.
+/// Exception of the low-priority tasks, including the procedure's.
 const ESTIMATES: u32 = 16 + 26;
 
-/// Interrupts of the RP2040 (datasheet 2.3.2) that the firmware uses, and what for.
+/// Interrupts of the RP2040 (datasheet 2.3.2) that the firmware uses, with their purpose.
 const INTERRUPTS: [(u32, &str); 9] = [
     (0, "TIMER_IRQ_0: the tasks' alarms"),
     (4, "PWM_IRQ_WRAP: control of the coil's current"),
