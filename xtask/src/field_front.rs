@@ -1,8 +1,9 @@
-//! The best design for each power, and what one is worth: `cargo xtask field-front`.
+//! `cargo xtask field-front`: the best design for each power, and the benefit of one of them.
 //!
-//! The tool searches the front; of its designs, the one whose power is nearest to that of the design as it
-//! is takes exactly that power, goes into a stack file, and presses on the same springs in the same simulated
-//! worlds as the design as it is. Prints its result for `cargo xtask evidence field-front`.
+//! The tool searches the front. The front's design with the power nearest to that of the existing
+//! design is driven at exactly that power, written to a stack file, and pressed on the same springs
+//! in the same simulated worlds as the existing design. Prints its result for `cargo xtask evidence
+//! field-front`.
 
 use std::fmt::Write;
 use std::fs;
@@ -14,23 +15,23 @@ use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
 use crate::tool;
 
-/// Where stack files lie, below the workspace.
+/// Folder of the stack files, in the workspace.
 const FOLDER: &str = "target/field-front";
-/// The picture, below the workspace, and as the page names it.
+/// The picture: its path in the workspace, and its path on the page.
 const PICTURE: [&str; 2] = ["docs/images/field-front.svg", "../images/field-front.svg"];
-/// The design that is improved, and its elastomer.
+/// Design to be improved, and its elastomer.
 const DESIGN: &str = "closed";
 const ELASTOMER: &str = "soft";
-/// Its power at its current, W.
+/// Power of that design at its current, W.
 const POWER_W: f64 = 9.7;
-/// What varies, with its bounds. A disc of 8 mm would touch the boards.
+/// Varied parameters, with their bounds. A disc of 8 mm would touch the boards.
 const VARIED: [&str; 2] = ["parameters.disc=4..7.9", "parameters.rim=1..8"];
-/// That of the design as it is, 10.28 mm, and its rounding.
+/// Height of that design, 10.28 mm, with its rounding.
 const HEIGHT: [&str; 2] = ["--most-height", "10.29"];
 /// Loads, in units of the sensing spring.
 const LOADS: &str = "0.5,1,2";
 
-/// A design with the numbers in which it differs from [`DESIGN`].
+/// A design, given by its differences from [`DESIGN`].
 struct Changed {
     name: &'static str,
     settings: Vec<String>,
@@ -81,14 +82,14 @@ pub(crate) fn run(workspace: &Workspace, plants: u32, seed: u32) -> Result<()> {
 }
 
 impl Changed {
-    /// Its name and its numbers.
+    /// Name and parameters.
     fn title(&self) -> String {
         let numbers = self.settings.join(", ");
         let with = if numbers.is_empty() { "" } else { ": " };
         format!("{}{with}{numbers}", self.name)
     }
 
-    /// The arguments that make it.
+    /// Arguments of the tool for this design.
     fn arguments(&self) -> Vec<&str> {
         let set = self.settings.iter();
         let set = set.flat_map(|setting| ["--set", setting.as_str()]);
@@ -96,7 +97,7 @@ impl Changed {
     }
 }
 
-/// Everything that a run needs.
+/// Context of a run.
 struct FrontSearch<'w> {
     workspace: &'w Workspace,
     tool: String,
@@ -105,7 +106,7 @@ struct FrontSearch<'w> {
 }
 
 impl FrontSearch<'_> {
-    /// What the tool prints.
+    /// Output of the tool.
     fn output(&self, arguments: &[&str]) -> Result<String> {
         let invocation = Invocation::new(&self.tool, arguments);
         println!("    $ palpate {}", arguments.join(" "));
@@ -127,7 +128,7 @@ impl FrontSearch<'_> {
         Ok(serde_json::from_str(&self.output(&arguments)?)?)
     }
 
-    /// The figures of a design, as the search prints them of where it begins.
+    /// Figures of a design, as the search prints them for its starting point.
     fn figures(&self, design: &Changed) -> Result<String> {
         let vary = VARIED.iter().flat_map(|varied| ["--vary", varied]);
         let search = ["--mse", ELASTOMER, "--budget", "1"];
@@ -141,7 +142,7 @@ impl FrontSearch<'_> {
         let (_, figures) = printed
             .split_once("the best found\n")
             .context("the search printed no figures")?;
-        // The last line is that of the search.
+        // The last line belongs to the search.
         let lines = figures.lines().filter(|line| line.starts_with("  "));
         Ok(lines.map(|line| format!("{line}\n")).collect())
     }
@@ -179,7 +180,7 @@ impl FrontSearch<'_> {
     }
 }
 
-/// A share in per cent, or nothing.
+/// A share in per cent; empty if there is none.
 fn percent(bin: &Value, key: &str) -> String {
     let share = bin[key].as_f64();
     share.map_or(String::new(), |share| format!("{:.2} %", 100.0 * share))
@@ -223,7 +224,7 @@ fn float(value: &Value) -> Result<f64> {
     value.as_f64().context("a number is missing in the front")
 }
 
-/// A number of a design by its path.
+/// Value of a design parameter, by its path.
 fn number_of(design: &Value, path: &str) -> Result<f64> {
     let numbers = design["numbers"]
         .as_array()
@@ -232,7 +233,7 @@ fn number_of(design: &Value, path: &str) -> Result<f64> {
     float(&found.with_context(|| format!("a design has no {path}"))?[1])
 }
 
-/// The design of the front whose power is nearest by its logarithm.
+/// Design of the front with the nearest power, on a logarithmic scale.
 fn nearest(front: &Value, power_w: f64) -> Result<&Value> {
     let distance = |design: &&Value| {
         let power = design["power_W"].as_f64().unwrap_or(f64::INFINITY);
@@ -244,7 +245,7 @@ fn nearest(front: &Value, power_w: f64) -> Result<&Value> {
         .context("the front is empty")
 }
 
-/// The numbers of a design in which it differs, as the tool takes them. The current stays.
+/// Varied parameters of a design, as arguments of the tool. The current is left as it is.
 fn settings(design: &Value) -> Result<Vec<String>> {
     ["parameters.disc", "parameters.rim"]
         .into_iter()

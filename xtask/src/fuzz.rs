@@ -1,8 +1,8 @@
-//! The fuzzer, `cargo xtask fuzz`: every target of `fuzz/` for a while, by cargo-fuzz on a nightly
+//! `cargo xtask fuzz`: runs every target of `fuzz/` for a while, by cargo-fuzz on a nightly
 //! toolchain.
 //!
-//! What a target does stands in `tests/src/fuzz`, and the tests run the corpus without a fuzzer. Inputs
-//! that the fuzzer finds on its way go to `target/fuzz`, those that break a promise to
+//! The targets' code is in `tests/src/fuzz`, and the tests run the corpus without a fuzzer. New
+//! inputs that the fuzzer finds go to `target/fuzz`, inputs that break a promise to
 //! `fuzz/artifacts`.
 
 use std::fmt::Write as _;
@@ -16,35 +16,35 @@ use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
 use crate::setup::NIGHTLY;
 
-/// The targets, as `fuzz/Cargo.toml` has them.
+/// Targets, as in `fuzz/Cargo.toml`.
 const TARGETS: &[&str] = &["commands", "frames", "storage"];
-/// Seconds of each target in the gate: long enough for some hundred boards.
+/// Seconds per target in the gate: enough for some hundred boards.
 const SECONDS_IN_GATE: u32 = 10;
-/// The seed in the gate: what one developer sees, another one sees too.
+/// Seed in the gate: the same for all developers.
 const SEED_IN_GATE: u32 = 1;
-/// Where a run keeps what it builds and finds.
+/// Folder of a run's build and results.
 const FOLDER: &str = "target/fuzz";
-/// Seconds after which an input counts as one that never ends: a script of half a minute of a board
-/// takes one.
+/// Seconds after which an input counts as endless: a script of half a minute of board time takes
+/// one.
 const LONGEST: u32 = 60;
 
-/// What came of a target.
+/// Result of a target.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct FuzzOutcome {
-    /// Inputs that were run.
+    /// Number of inputs run.
     runs: u64,
-    /// Inputs that reached something new.
+    /// Number of inputs that reached new code.
     found: u64,
 }
 
-/// Every target for some seconds each, as a campaign: prints its result.
+/// Runs every target for some seconds each, as a campaign, and prints the result.
 pub(crate) fn run(workspace: &Workspace, seconds: u32, seed: u32) -> Result<()> {
     let outcomes = all(workspace, seconds, seed)?;
     println!("{BEGIN}\n{}\n{END}", table(&outcomes, seconds).trim_end());
     Ok(())
 }
 
-/// The same within the gate.
+/// Runs every target within the gate.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let outcomes = all(workspace, SECONDS_IN_GATE, SEED_IN_GATE)?;
     let runs: u64 = outcomes.iter().map(|(_, outcome)| outcome.runs).sum();
@@ -57,7 +57,7 @@ fn all(workspace: &Workspace, seconds: u32, seed: u32) -> Result<Vec<(&'static s
     TARGETS.iter().map(one).collect()
 }
 
-/// Checks the lock file, which cargo-fuzz would change without a word.
+/// Checks the lock file, which cargo-fuzz would change silently.
 pub(crate) fn check_lock_file(workspace: &Workspace) -> Result<String> {
     let manifest = "fuzz/Cargo.toml";
     let arguments = ["metadata", "--locked", "--format-version", "1"];
@@ -71,7 +71,7 @@ pub(crate) fn check_lock_file(workspace: &Workspace) -> Result<String> {
         })
 }
 
-/// One target for some seconds.
+/// Runs one target for some seconds.
 fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<FuzzOutcome> {
     let found = format!("{FOLDER}/found/{target}");
     fs::create_dir_all(workspace.root().join(&found))
@@ -106,7 +106,7 @@ fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<
 fn invocation(target: &str, found: &str, seconds: u32, seed: u32) -> Invocation {
     let toolchain = format!("+{NIGHTLY}");
     let corpus = format!("fuzz/corpus/{target}");
-    // Nothing that is fuzzed has unsafe code of ours: a sanitizer would only slow it down.
+    // The fuzzed code has no unsafe code of this project: a sanitizer would only slow it down.
     let build = ["--sanitizer", "none", "--target-dir", FOLDER];
     let options = [
         format!("-seed={seed}"),
@@ -122,7 +122,7 @@ fn invocation(target: &str, found: &str, seconds: u32, seed: u32) -> Invocation 
     Invocation::cargo(&arguments)
 }
 
-/// Reads libFuzzer's statistics.
+/// Parses libFuzzer's statistics.
 fn outcome(said: &str) -> Option<FuzzOutcome> {
     let number = |name: &str| {
         let mut lines = said.lines();

@@ -1,4 +1,4 @@
-//! The gate: which steps there are, made from the table in [`crate::members`].
+//! The gate: its steps, made from the table in [`crate::members`].
 
 use anyhow::Result;
 
@@ -10,7 +10,7 @@ use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
 use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
 
-/// The test suite: every crate with its usual features and those that have tests of their own.
+/// The test suite: every crate with its default features and with those that have their own tests.
 pub(crate) fn test_steps() -> Vec<Step> {
     let programs = tests(&["--lib", "--bins", "--tests"]);
     vec![Step {
@@ -22,7 +22,7 @@ pub(crate) fn test_steps() -> Vec<Step> {
     }]
 }
 
-/// The tests that need Python and packages for it.
+/// Tests that need Python and its packages.
 fn python_tests() -> Step {
     Step {
         name: "python",
@@ -33,7 +33,7 @@ fn python_tests() -> Step {
     }
 }
 
-/// The tests that `cargo xtask test` leaves out since they take long; they are marked `#[ignore]`.
+/// Long tests that `cargo xtask test` leaves out; they are marked `#[ignore]`.
 fn long_tests() -> Step {
     let programs = tests(&["--lib", "--bins", "--tests", "--", "--ignored"]);
     Step {
@@ -45,8 +45,8 @@ fn long_tests() -> Step {
     }
 }
 
-/// The tests of every crate for the host. All have the same features, so that each crate is built
-/// once. The examples, which `clippy` checks, are left out.
+/// Tests of every crate for the host. All use the same features, so each crate is built once.
+/// Examples are left out: `clippy` checks them.
 fn tests(rest: &[&str]) -> Invocation {
     let features = tested_features();
     let packages = host_packages();
@@ -59,7 +59,7 @@ fn tests(rest: &[&str]) -> Invocation {
     Invocation::cargo(&arguments.concat())
 }
 
-/// The features that have tests of their own, as cargo's argument.
+/// Features that have their own tests, as cargo's argument.
 pub(crate) fn tested_features() -> String {
     let of = |member: &Member| {
         let name = member.name;
@@ -69,8 +69,8 @@ pub(crate) fn tested_features() -> String {
     MEMBERS.iter().flat_map(of).collect::<Vec<_>>().join(",")
 }
 
-/// The steps of `cargo xtask ci`: all of them, or those in `only`. Those that install programs from
-/// elsewhere run only when they are named.
+/// Steps of `cargo xtask ci`: all of them, or those in `only`. Steps that install external programs
+/// run only when named.
 pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     let mut steps = if skip_tests { Vec::new() } else { test_steps() };
     steps.extend(source_checks());
@@ -157,7 +157,7 @@ fn source_checks() -> Vec<Step> {
     ]
 }
 
-/// Checks of the code as a PC compiles it.
+/// Checks of the code compiled for a PC.
 fn host_checks() -> Vec<Step> {
     let packages = host_packages();
     let all_of = |verb: &[&str], rest: &[&str]| {
@@ -194,7 +194,7 @@ fn host_checks() -> Vec<Step> {
     ]
 }
 
-/// Checks of the code as a microcontroller's compiler sees it.
+/// Checks of the code compiled for a microcontroller.
 fn arm_checks() -> Vec<Step> {
     let targets = || ARM_TARGETS.iter().map(|&target| Need::Target(target));
     vec![
@@ -250,7 +250,7 @@ fn arm_checks() -> Vec<Step> {
     ]
 }
 
-/// The fuzzer, for half a minute; `cargo xtask evidence fuzz` is longer.
+/// Runs the fuzzer for half a minute; `cargo xtask evidence fuzz` runs longer.
 fn fuzzing() -> Step {
     Step {
         name: "fuzz",
@@ -262,9 +262,9 @@ fn fuzzing() -> Step {
     }
 }
 
-/// Packages what is meant for the registry, and builds it from the package.
+/// Packages the crates intended for the registry, and builds them from the packages.
 ///
-/// All in one command, so that one may depend on another that is not in the registry yet.
+/// All in one command, so that one may depend on another that is not yet in the registry.
 fn packaging() -> Step {
     let mut arguments = vec!["publish", "--dry-run", "--allow-dirty"];
     arguments.extend(["--locked", "--all-features"]);
@@ -286,7 +286,7 @@ fn commands(arguments: &[&str]) -> Action {
     Action::Commands(vec![Invocation::cargo(arguments)])
 }
 
-/// Lints of a crate for each set of its features: none, each alone, and all.
+/// Lints of a crate with each set of its features: none, each alone, and all.
 fn feature_sets(member: &Member) -> Vec<Invocation> {
     let base = ["clippy", "--locked", "--package", member.name];
     let denied = ["--", "-D", "warnings"];
@@ -303,7 +303,7 @@ fn feature_sets(member: &Member) -> Vec<Invocation> {
     }
 }
 
-/// The commands for each pair of a `no_std` crate and a target.
+/// Commands for each pair of a `no_std` crate and a target.
 fn on_every_target(make: impl Fn(&Member, &'static str) -> Vec<Invocation>) -> Vec<Invocation> {
     no_std()
         .flat_map(|member| ARM_TARGETS.iter().map(move |&target| (member, target)))
@@ -318,15 +318,15 @@ fn clippy_for(member: &Member, target: &str) -> Invocation {
     Invocation::cargo(&arguments)
 }
 
-/// Lints of the firmware, which is for one target only.
+/// Lints of the firmware, which has one target only.
 fn clippy_for_firmware() -> Invocation {
     let mut arguments = vec!["clippy", "--locked", "--package", "palpate-firmware"];
     arguments.extend(["--target", FIRMWARE_TARGET, "--", "-D", "warnings"]);
     Invocation::cargo(&arguments)
 }
 
-/// Builds of one library, without and with its features. Each is a command of its own: in one
-/// command, a dependency would get the features that any of the crates asks for.
+/// Builds of one library, without and with its features. Each is its own command: in one command, a
+/// dependency would get the features requested by any of the crates.
 fn builds_for(member: &Member, target: &str) -> Vec<Invocation> {
     let mut builds = Vec::new();
     for features in ["--no-default-features", "--all-features"] {
@@ -340,7 +340,7 @@ fn builds_for(member: &Member, target: &str) -> Vec<Invocation> {
     builds
 }
 
-/// A verb of cargo for one library on one target.
+/// A cargo verb for one library on one target.
 fn library<'a>(verb: &'a str, member: &Member, target: &'a str) -> Vec<&'a str> {
     vec![
         verb,
@@ -355,7 +355,7 @@ fn library<'a>(verb: &'a str, member: &Member, target: &'a str) -> Vec<&'a str> 
 
 /// Builds of a crate's examples for a microcontroller.
 fn mcu_examples(member: &'static Member) -> impl Iterator<Item = Invocation> {
-    // The image does not fit into memory without its optimisation.
+    // The image exceeds the memory without its optimisation.
     let profile = match member.runs_on {
         RunsOn::Mcu => "firmware",
         _ => "dev",

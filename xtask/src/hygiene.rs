@@ -1,8 +1,8 @@
-//! What does not belong into the repository: paths of a machine, marks of unfinished
-//! work, retired words, build output, and a microcontroller outside of its board's folder.
+//! Content that must not be in the repository: paths of a machine, marks of unfinished work,
+//! retired words, build output, and a microcontroller's name outside of its board's folder.
 //!
-//! The check reads what git tracks and what it would add, so that a new file is found before it
-//! is committed.
+//! The check reads the files that git tracks or would add, so it finds a new file before it is
+//! committed.
 
 use std::fmt;
 use std::fs;
@@ -12,10 +12,10 @@ use anyhow::{Context, Result, bail};
 use crate::process::Workspace;
 use crate::repository;
 
-/// First folders of absolute paths that exist on one machine only.
+/// First folders of absolute paths that are specific to one machine.
 const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
 
-/// Words that mark unfinished work. Taken apart, so that this file passes its own check.
+/// Words that mark unfinished work. Split, so that this file passes its own check.
 const MARKS: &[&str] = &[
     concat!("TO", "DO"),
     concat!("FIX", "ME"),
@@ -24,8 +24,8 @@ const MARKS: &[&str] = &[
     concat!("unimpl", "emented!"),
 ];
 
-/// Words that say no more than the field's own, which stand after them: `docs` and code use those. Taken
-/// apart like the marks.
+/// Retired words, each with the field's own word after it, which `docs` and code use instead. Split
+/// like the marks.
 const RETIRED: &[(&str, &str)] = &[
     (concat!("to", "ld"), "reported, sent, measured"),
     (concat!("fe", "lt"), "deformation, contact"),
@@ -39,15 +39,15 @@ const RETIRED: &[(&str, &str)] = &[
     (concat!("no", "body"), "the name of the part that does not"),
     (concat!("who", "ever"), "the name of the part that does"),
 ];
-/// Pages that campaigns wrote, with the words of their day.
+/// Pages written by campaigns, with the words of their time.
 const WRITTEN_PAGES: &str = "docs/evidence/";
 
-/// Crates that name a microcontroller, the firmware's sources, and the one folder of those that may:
-/// the instrument's logic is tested on a PC, and another board comes as another folder.
+/// Crates that name a microcontroller; below, the firmware's sources and their one folder that may
+/// use them: the instrument's logic is tested on a PC, and another board needs another folder.
 const MICROCONTROLLER: &[&str] = &["rp2040_pac", "rp2040_hal", "rp2040_boot2", "cortex_m"];
 const FIRMWARE_SOURCES: &str = "firmware/src/";
 const BOARD_FOLDER: &str = "firmware/src/board/rp2040/";
-/// The one line besides, in which RTIC has to be given the device.
+/// The only other line that may, where RTIC needs the device.
 const RTIC_DEVICE: (&str, &str) = ("firmware/src/main.rs", "#[rtic::app(device = rp2040_pac,");
 
 /// Folders and name endings of build output.
@@ -59,12 +59,12 @@ const OUTPUT_ENDINGS: &[&str] = &[
 /// First bytes of compiled files: ELF, archives, Windows programs.
 const OUTPUT_MAGIC: &[&[u8]] = &[b"\x7fELF", b"!<arch>", b"MZ\x90"];
 
-/// Something that does not belong into the repository.
+/// A violation in the repository.
 #[derive(Debug, PartialEq, Eq)]
 struct Finding {
-    /// The file, and the line where there is one.
+    /// The file, with the line if there is one.
     place: String,
-    /// What is wrong with it.
+    /// Description of the violation.
     fault: String,
 }
 
@@ -80,7 +80,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     let mut findings = Vec::new();
     for name in &files {
         let path = workspace.root().join(name);
-        // A link or a submodule has no content of its own, and a deleted file has none any more.
+        // A link or a submodule has no content of its own, and a deleted file has none.
         if path.symlink_metadata().is_ok_and(|entry| entry.is_file()) {
             let content = fs::read(&path)
                 .with_context(|| format!("{name} could not be read for checking"))?;
@@ -94,7 +94,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     bail!("{} findings:\n    {}", lines.len(), lines.join("\n    "));
 }
 
-/// Everything wrong with one file.
+/// All violations in one file.
 fn check_file(name: &str, content: &[u8]) -> Vec<Finding> {
     if is_build_output(name, content) {
         return vec![Finding {
@@ -125,7 +125,7 @@ fn check_file(name: &str, content: &[u8]) -> Vec<Finding> {
         .collect()
 }
 
-/// Whether a file was made by a build, judged by its name and its first bytes.
+/// Whether a file is build output, by its name and its first bytes.
 fn is_build_output(name: &str, content: &[u8]) -> bool {
     name.split('/')
         .rev()
@@ -135,7 +135,7 @@ fn is_build_output(name: &str, content: &[u8]) -> bool {
         || OUTPUT_MAGIC.iter().any(|magic| content.starts_with(magic))
 }
 
-/// Everything wrong with one line.
+/// All violations in one line.
 fn faults(line: &str) -> impl Iterator<Item = String> {
     let paths = MACHINE_FOLDERS
         .iter()
@@ -149,7 +149,7 @@ fn faults(line: &str) -> impl Iterator<Item = String> {
     paths.chain(marks).collect::<Vec<_>>().into_iter()
 }
 
-/// The crate of a microcontroller that a line of the firmware names outside of the board's folder.
+/// Microcontroller crate that a line of the firmware names outside of the board's folder.
 fn misplaced(name: &str, line: &str) -> Option<String> {
     let is_free = !name.starts_with(FIRMWARE_SOURCES) || name.starts_with(BOARD_FOLDER);
     if is_free || (name == RTIC_DEVICE.0 && line.starts_with(RTIC_DEVICE.1)) {
@@ -159,7 +159,7 @@ fn misplaced(name: &str, line: &str) -> Option<String> {
     Some(format!("names {named}: that belongs into {BOARD_FOLDER}"))
 }
 
-/// The retired words of a line, by themselves or as a part of a name.
+/// Retired words in a line, alone or as a part of a name.
 fn retired_words(line: &str) -> Vec<String> {
     let words = line.split(|c: char| !c.is_alphabetic()).flat_map(parts);
     words
@@ -172,7 +172,7 @@ fn retired_words(line: &str) -> Vec<String> {
         .collect()
 }
 
-/// The parts of a name in CamelCase; a name in capitals is one.
+/// Parts of a name in CamelCase; a name in capitals is one part.
 fn parts(name: &str) -> Vec<&str> {
     let is_capitals = !name.contains(|c: char| c.is_lowercase());
     let mut parts = Vec::new();
@@ -187,7 +187,7 @@ fn parts(name: &str) -> Vec<&str> {
     parts
 }
 
-/// Whether an absolute path with this start, and something below it, stands in the line.
+/// Whether the line contains an absolute path with this start and something below it.
 fn names_a_path(line: &str, start: &str) -> bool {
     line.match_indices(start).any(|(at, _)| {
         let before = line[..at].chars().next_back();
@@ -197,7 +197,7 @@ fn names_a_path(line: &str, start: &str) -> bool {
     })
 }
 
-/// Whether a word stands in the line by itself.
+/// Whether the line contains the word alone.
 fn has_word(line: &str, word: &str) -> bool {
     let joins = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(word).any(|(at, _)| {

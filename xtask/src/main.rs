@@ -6,17 +6,17 @@
 //! | `ci` | everything a change has to pass: the tests, then the checks |
 //! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
-//! | `field-front` | the best field designs for each power, and what one is worth |
-//! | `field-peers` | the field solver beside NGSolve and GetDP, which it installs |
-//! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
-//! | `planted-defects` | plant each defect of a list and run the tests that have to find it |
-//! | `bench-image` | run the image on the emulated board and write what it costs into the book |
+//! | `field-front` | the best field designs for each power, and the benefit of one |
+//! | `field-peers` | the field solver against NGSolve and GetDP, which it installs |
+//! | `firmware` | build the image for the microcontroller, as ELF and UF2, and print its size |
+//! | `planted-defects` | plant each defect of a list and run the tests that must find it |
+//! | `bench-image` | run the image on the emulated board and write its cost into the book |
 //! | `fuzz` | run every fuzz target for a while |
-//! | `flash` | flash it through a debug probe |
+//! | `flash` | flash the image through a debug probe |
 //! | `release` | image, tool, licences and bill of materials in one archive, with checksums |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
 //!
-//! A new crate is entered once, in [`members`]; a new check is one [`steps::Step`] in [`gate`].
+//! A new crate gets one row in [`members`]; a new check is one [`steps::Step`] in [`gate`].
 
 mod book;
 mod deps;
@@ -60,17 +60,17 @@ struct Arguments {
     verb: Verb,
 }
 
-/// What to do.
+/// Verb to run.
 #[derive(Subcommand)]
 enum Verb {
     /// Run the whole test suite on the host
     Test,
-    /// Run everything a change has to pass
+    /// Run all checks that a change must pass
     Ci {
-        /// Leave out the tests, when `cargo xtask test` has just been run
+        /// Skip the tests, after `cargo xtask test`
         #[arg(long)]
         skip_tests: bool,
-        /// Run this step alone; may be given more than once
+        /// Run only this step; may be given more than once
         #[arg(long, value_name = "STEP")]
         only: Vec<String>,
     },
@@ -81,36 +81,37 @@ enum Verb {
         /// Name of the campaign
         name: Option<String>,
     },
-    /// Search the best field designs for each power, and press with one of them; writes docs/images/field-front.svg
+    /// Search the best field designs for each power, and press with one of them; writes
+    /// docs/images/field-front.svg
     FieldFront {
-        /// Sensors of each design
+        /// Number of sensors of each design
         #[arg(long, default_value_t = 30)]
         plants: u32,
-        /// The first sensor
+        /// Seed of the first sensor
         #[arg(long, default_value_t = 1)]
         seed: u32,
     },
     /// Compare the field solver with NGSolve and GetDP; installs them, writes docs/evidence/field-peers.md
     FieldPeers {
-        /// A Python that has NGSolve already, instead of a new virtual environment
+        /// A Python with NGSolve, instead of a new virtual environment
         #[arg(long, value_name = "FILE")]
         python: Option<PathBuf>,
-        /// Run this case alone and print the result
+        /// Run only this case and print the result
         #[arg(long, value_name = "NAME")]
         case: Option<String>,
-        /// Print the times beside the leanest deck of NGSolve alone
+        /// Print only the times against the fastest deck of NGSolve
         #[arg(long)]
         lean: bool,
     },
-    /// Build the firmware's image into target/image, and hold its size against its budget
+    /// Build the firmware image into target/image, and check its size against its budget
     Firmware {
-        /// Build it with this defect of firmware/planted-defects.toml instead; prints its path alone
+        /// Build it with this defect of firmware/planted-defects.toml instead; print only its path
         #[arg(long, value_name = "DEFECT")]
         planted: Option<String>,
     },
-    /// Plant each defect of tests/planted-defects.toml and run the tests that have to find it
+    /// Plant each defect of tests/planted-defects.toml and run the tests that must find it
     PlantedDefects,
-    /// Measure what the image costs on the emulated board; writes docs/evidence/image-cost.md
+    /// Measure the cost of the image on the emulated board; writes docs/evidence/image-cost.md
     BenchImage,
     /// Flash the firmware through a debug probe, and show its log
     Flash,
@@ -118,16 +119,16 @@ enum Verb {
     Release,
     /// Run every fuzz target for a while, on a nightly toolchain
     Fuzz {
-        /// Seconds of each target
+        /// Seconds per target
         #[arg(long, default_value_t = 60)]
         seconds: u32,
-        /// Seed of the fuzzer's random numbers; 0 for another one in every run
+        /// Seed of the fuzzer's random numbers; 0 for a different one in every run
         #[arg(long, default_value_t = 0)]
         seed: u32,
     },
     /// Add the microcontroller targets and install the tools that `ci` needs
     Setup {
-        /// Install what `release` needs as well
+        /// Install the tools for `release` as well
         #[arg(long)]
         release: bool,
     },
@@ -143,7 +144,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the verb that the arguments ask for.
+/// Runs the requested verb.
 fn run(arguments: Arguments) -> Result<()> {
     let workspace = Workspace::find(arguments.toolchain)?;
     match arguments.verb {

@@ -1,13 +1,13 @@
-//! What the gate knows about each crate of the workspace.
+//! Properties of each crate of the workspace, for the gate.
 //!
-//! This is the one place in which a new crate is entered. `cargo xtask deps` fails while a crate
-//! has no row here, while a row has no crate, and while a crate has a feature its row leaves out,
-//! so no crate and no feature escapes the gate unseen.
+//! A new crate is registered only here. `cargo xtask deps` fails while a crate has no row here,
+//! while a row has no crate, and while a row leaves out a feature of its crate, so no crate and no
+//! feature escapes the gate.
 
-/// The microcontroller targets: the least capable core we support, and one with an FPU.
+/// Microcontroller targets: the least capable supported core, and one with an FPU.
 pub(crate) const ARM_TARGETS: &[&str] = &["thumbv6m-none-eabi", "thumbv7em-none-eabihf"];
 
-/// The target of the firmware's image.
+/// Target of the firmware image.
 pub(crate) const FIRMWARE_TARGET: &str = "thumbv6m-none-eabi";
 
 /// One crate of the workspace.
@@ -17,11 +17,11 @@ pub(crate) struct Member {
     pub(crate) name: &'static str,
     /// Where its code runs.
     pub(crate) runs_on: RunsOn,
-    /// Whether it is meant for the registry, so that packaging it is part of the gate.
+    /// Whether it is intended for the registry; the gate then packages it.
     pub(crate) published: bool,
-    /// Its features. The lints run with none of them, with each alone and with all.
+    /// Its features. The lints run with none of them, each alone, and all.
     pub(crate) features: &'static [&'static str],
-    /// Those of them that have tests of their own and that no other crate asks for.
+    /// Features with their own tests that no other crate enables.
     pub(crate) tested_features: &'static [&'static str],
     /// Its examples for a microcontroller.
     pub(crate) mcu_examples: &'static [McuExample],
@@ -32,22 +32,22 @@ pub(crate) struct Member {
 pub(crate) enum RunsOn {
     /// A PC only.
     Host,
-    /// A PC and a microcontroller: `no_std`, built for every one of [`ARM_TARGETS`].
+    /// A PC and a microcontroller: `no_std`, built for each of [`ARM_TARGETS`].
     Everywhere,
-    /// A microcontroller only: left out of every build for the host.
+    /// A microcontroller only: not built for the host.
     Mcu,
 }
 
-/// An example that is a program for a microcontroller.
+/// An example program for a microcontroller.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct McuExample {
     /// Name of the example.
     pub(crate) name: &'static str,
-    /// The target it is written for.
+    /// Target of the example.
     pub(crate) target: &'static str,
 }
 
-/// A program for a PC without features, never published: the commonest row.
+/// A program for a PC without features, never published: the most frequent row.
 const HOST_PROGRAM: Member = Member {
     name: "",
     runs_on: RunsOn::Host,
@@ -202,14 +202,14 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
 ];
 
-/// The crates that have to build without the standard library, for either kind of machine.
+/// Crates that must build without the standard library, for either platform.
 pub(crate) fn no_std() -> impl Iterator<Item = &'static Member> {
     MEMBERS
         .iter()
         .filter(|member| member.runs_on == RunsOn::Everywhere)
 }
 
-/// Arguments that select every crate a PC can build.
+/// Arguments that select every crate that a PC can build.
 pub(crate) fn host_packages() -> Vec<&'static str> {
     let mut arguments = vec!["--workspace"];
     for member in MEMBERS
@@ -230,7 +230,7 @@ mod tests {
 
     use crate::process::{Invocation, Workspace};
 
-    /// The source files in a folder and below.
+    /// Source files in a folder and below.
     fn sources(folder: &Path) -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).unwrap().map(|it| it.unwrap().path());
         let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|path| path.is_dir());
@@ -238,8 +238,8 @@ mod tests {
         files.into_iter().chain(below).collect()
     }
 
-    /// A library or program whose manifest turns its tests off must have none: cargo would leave
-    /// them out and say nothing.
+    /// A library or program whose manifest disables its tests must have none: cargo would skip them
+    /// silently.
     #[test]
     fn what_is_not_tested_holds_no_test() {
         let workspace = Workspace::find(None).unwrap();

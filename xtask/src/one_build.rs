@@ -1,13 +1,15 @@
-//! `cargo demo` and `cargo xtask test` share one build: what the one has compiled, the other takes.
+//! `cargo demo` and `cargo xtask test` share one build: each reuses the crates that the other has
+//! compiled.
 //!
-//! Cargo builds a crate again when it is asked for with other features, and with it all that depend on it.
+//! Cargo builds a crate again if it is requested with other features, and with it all of its
+//! dependents.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::gate::tested_features;
 use crate::process::{Invocation, Workspace};
 
-/// The sets of features that each package, by name and version, is built with.
+/// Sets of features with which each package, by name and version, is built.
 type Builds = BTreeMap<String, BTreeSet<String>>;
 
 fn builds(edges: &str, arguments: &[&str]) -> Builds {
@@ -17,7 +19,7 @@ fn builds(edges: &str, arguments: &[&str]) -> Builds {
     let printed = Workspace::find(None).unwrap().output(&query).unwrap();
     let mut builds = Builds::new();
     for line in printed.lines() {
-        // A package that stands further up is marked.
+        // A package listed earlier is marked.
         let Some((package, features)) = line.trim_end_matches(" (*)").split_once('|') else {
             continue;
         };
@@ -33,7 +35,7 @@ fn builds(edges: &str, arguments: &[&str]) -> Builds {
 #[test]
 fn the_tests_take_what_the_demo_has_built() {
     let alone = builds("normal,build", &["--package", "palpate-simulate"]);
-    // Without `--package`, as in the alias `cargo demo`, all default members ask for features.
+    // Without `--package`, as in the alias `cargo demo`, all default members enable features.
     let demo = builds("normal,build", &[]);
     let tests = builds(
         "normal,build,dev",

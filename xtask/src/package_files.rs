@@ -1,5 +1,5 @@
-//! What a package carries when it is by itself: licences, a README with a title, a manifest by
-//! which it is found, and dependencies that are packages too.
+//! Files of a separate package: licences, a README with a title, a manifest with keywords, and
+//! dependencies that are packages too.
 //!
 //! The licences are copies, since a link does not survive packaging on every platform; the check
 //! compares them with those of the root.
@@ -12,10 +12,10 @@ use serde::Deserialize;
 
 use crate::process::{Invocation, Workspace};
 
-/// The licences' texts, in the root and in each package.
+/// Licence files, in the root and in each package.
 const LICENCES: &[&str] = &["LICENSE-APACHE", "LICENSE-MIT"];
 
-/// What `cargo metadata --no-deps` prints.
+/// Output of `cargo metadata --no-deps`.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,
@@ -25,7 +25,7 @@ struct Metadata {
 struct Package {
     name: String,
     manifest_path: PathBuf,
-    /// The registries it may go to; none stands for every one.
+    /// Registries to which it may be published; `None` means any.
     publish: Option<Vec<String>>,
     description: Option<String>,
     readme: Option<PathBuf>,
@@ -38,11 +38,11 @@ struct Package {
 #[derive(Deserialize)]
 struct Dependency {
     name: String,
-    /// None stands for `[dependencies]`.
+    /// `None` for `[dependencies]`.
     kind: Option<String>,
 }
 
-/// Checks every package that is not kept from the registry by `publish = false`.
+/// Checks every package without `publish = false`.
 pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
     let metadata: Metadata = serde_json::from_str(&workspace.output(&query)?)
@@ -67,7 +67,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     bail!("{} findings:\n    {}", faults.len(), faults.join("\n    "));
 }
 
-/// Everything that a package lacks.
+/// All faults of a package.
 fn faults_of(root: &Path, package: &Package) -> Result<Vec<String>> {
     let folder = package
         .manifest_path
@@ -93,7 +93,7 @@ fn faults_of(root: &Path, package: &Package) -> Result<Vec<String>> {
     Ok(faults)
 }
 
-/// Dependencies that the registry will not have.
+/// Dependencies that are not published.
 fn dependencies_on(private: &[&str], package: &Package) -> impl Iterator<Item = String> {
     package
         .dependencies
@@ -103,7 +103,7 @@ fn dependencies_on(private: &[&str], package: &Package) -> impl Iterator<Item = 
         .map(|dependency| format!("depends on {}, which has publish = false", dependency.name))
 }
 
-/// The licences that a folder lacks, or has in other words than the root.
+/// Licences that are missing in a folder, or differ from the root's.
 fn licence_faults(root: &Path, folder: &Path) -> Result<Vec<String>> {
     let mut faults = Vec::new();
     for name in LICENCES {
@@ -126,7 +126,7 @@ mod tests {
         let workspace = Workspace::find(None).unwrap();
         let root = workspace.root();
         assert_eq!(licence_faults(root, root).unwrap(), Vec::<String>::new());
-        // A folder of the repository that has no licences of its own.
+        // A folder of the repository without its own licences.
         assert_eq!(licence_faults(root, &root.join("docs")).unwrap().len(), 2);
     }
 }

@@ -1,7 +1,7 @@
-//! No panic path: a program that calls everything is linked for the least capable core, and no
-//! part of the panic machinery may be in it.
+//! No panic path: a program that calls every method is linked for the least capable core, and must
+//! contain no part of the panic machinery.
 //!
-//! The positive control is the same program with a panic planted: it has to be found.
+//! The positive control is the same program with a planted panic, which must be found.
 
 use std::fs;
 use std::path::PathBuf;
@@ -10,13 +10,13 @@ use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
 
-/// The core on which it is linked.
+/// Target for which it is linked.
 pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 
-/// A crate and its example that calls every public method.
+/// A crate, with its example that calls every public method.
 const PROGRAMS: &[(&str, &str)] = &[("ldc161x", "every_method")];
 
-/// What the names of all functions of the panic machinery hold, mangled by either scheme.
+/// Parts of the names of all panic functions, in either mangling scheme.
 const MACHINERY: &[&str] = &[
     "9panicking",
     "expect_failed",
@@ -24,7 +24,7 @@ const MACHINERY: &[&str] = &[
     "begin_unwind",
 ];
 
-/// The check of the step `panic-free`.
+/// Runs the check of the step `panic-free`.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     for (package, example) in PROGRAMS {
         let found = machinery(&link(workspace, package, example, false)?)?;
@@ -55,7 +55,7 @@ fn link(workspace: &Workspace, package: &str, example: &str, planted: bool) -> R
         "--target",
         TARGET,
     ]);
-    // One unit with link-time optimisation, as firmware is built: what is left is what is reached.
+    // One unit with link-time optimisation, as firmware is built: only reachable code remains.
     arguments.extend(["--config", "profile.release.lto=\"fat\""]);
     arguments.extend(["--config", "profile.release.codegen-units=1"]);
     arguments.extend(["--message-format", "json-render-diagnostics"]);
@@ -68,7 +68,7 @@ fn link(workspace: &Workspace, package: &str, example: &str, planted: bool) -> R
     workspace.build(&Invocation::cargo(&arguments))
 }
 
-/// The folder of a driver's examples, where the memory map lies.
+/// Folder of a driver's examples, with the memory map.
 fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
     let folder = workspace
         .root()
@@ -82,7 +82,7 @@ fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
     }
 }
 
-/// Which names of the panic machinery stand in an image's table of symbols.
+/// Names of the panic machinery in an image's symbol table.
 fn machinery(image: &PathBuf) -> Result<Vec<&'static str>> {
     let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
     let holds = |name: &str| {

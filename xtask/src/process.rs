@@ -1,13 +1,13 @@
 //! Child processes: the one place that decides their directory and environment.
 //!
-//! `cargo xtask` is itself run by `cargo run`, often through rustup, and both leave marks in the
+//! `cargo xtask` is itself run by `cargo run`, often through rustup, and both set variables in the
 //! environment: `CARGO` and `RUSTUP_TOOLCHAIN` name the outer toolchain, and `CARGO_PKG_*` and
-//! its like describe the xtask package. A child that inherits them may use another toolchain than
-//! `rust-toolchain.toml` names, or mix two of them, so [`Workspace::command`] removes them.
-//! What the user may have set on purpose stays: `CARGO_HOME`, `CARGO_TARGET_DIR`, `RUSTFLAGS`,
+//! similar ones describe the xtask package. A child that inherits them may use another toolchain
+//! than that of `rust-toolchain.toml`, or mix two of them, so [`Workspace::command`] removes them.
+//! Variables that the user may have set stay: `CARGO_HOME`, `CARGO_TARGET_DIR`, `RUSTFLAGS`,
 //! `RUSTC_WRAPPER`, registry and network settings.
 //!
-//! It follows that `cargo +NAME xtask ...` does not reach the children: `--toolchain NAME` does.
+//! Therefore `cargo +NAME xtask ...` does not affect the children: `--toolchain NAME` does.
 
 use std::env;
 use std::fmt;
@@ -25,9 +25,9 @@ pub(crate) struct Workspace {
 }
 
 impl Workspace {
-    /// The workspace to which this program belongs.
+    /// The workspace of this program.
     ///
-    /// Read when it runs, not when it is compiled, so that a checkout may be moved.
+    /// Found at run time, not at compile time, so that a checkout may be moved.
     pub(crate) fn find(toolchain: Option<String>) -> Result<Self> {
         let package = env::var_os("CARGO_MANIFEST_DIR").context(
             "the environment variable CARGO_MANIFEST_DIR is not set, so the workspace is unknown; \
@@ -47,7 +47,7 @@ impl Workspace {
         &self.root
     }
 
-    /// A copy of the workspace, for the same toolchain.
+    /// A copy of the workspace, with the same toolchain.
     pub(crate) fn copied_to(&self, root: PathBuf) -> Self {
         Self {
             root,
@@ -55,7 +55,7 @@ impl Workspace {
         }
     }
 
-    /// A child process in the workspace's folder, with an environment of its own.
+    /// A child process in the workspace's folder, with a cleaned environment.
     pub(crate) fn command(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.current_dir(&self.root);
@@ -70,7 +70,7 @@ impl Workspace {
         command
     }
 
-    /// Runs a command silently and returns what it printed to standard output.
+    /// Runs a command silently and returns its standard output.
     pub(crate) fn output(&self, invocation: &Invocation) -> Result<String> {
         let output = invocation
             .command(self)
@@ -84,8 +84,8 @@ impl Workspace {
             .with_context(|| format!("`{invocation}` printed text that is not UTF-8"))
     }
 
-    /// Runs a cargo that builds a program, whose messages it has to give as JSON; returns the program's path.
-    /// What it says goes to standard error as it comes: a build takes minutes, and may wait for another one.
+    /// Runs a cargo build with JSON messages; returns the program's path. Its other output goes to
+    /// standard error at once: a build takes minutes, and may wait for another one.
     pub(crate) fn build(&self, invocation: &Invocation) -> Result<PathBuf> {
         let output = invocation
             .command(self)
@@ -120,14 +120,14 @@ impl Workspace {
             .is_ok_and(|output| output.status.success())
     }
 
-    /// The compiler that the children use, as it names itself.
+    /// Version of the compiler that the children use.
     pub(crate) fn compiler(&self) -> Result<String> {
         let version = self.output(&Invocation::new("rustc", &["--version"]))?;
         Ok(version.trim().to_owned())
     }
 }
 
-/// The path in cargo's message about the artifact that can be run.
+/// Path of the executable in cargo's messages.
 fn executable(messages: &str) -> Option<PathBuf> {
     messages
         .lines()
@@ -136,7 +136,7 @@ fn executable(messages: &str) -> Option<PathBuf> {
         .find_map(|message| message["executable"].as_str().map(PathBuf::from))
 }
 
-/// Whether a variable describes the cargo that runs xtask, rather than what its user wants.
+/// Whether a variable describes the cargo that runs xtask, rather than the user's settings.
 fn describes_the_parent(name: &str) -> bool {
     const NAMES: &[&str] = &[
         "CARGO",
@@ -153,7 +153,7 @@ fn describes_the_parent(name: &str) -> bool {
     NAMES.contains(&name) || name.starts_with("CARGO_PKG_")
 }
 
-/// A command line, as data: shown to the user before it runs and in every error about it.
+/// A command line as data, shown to the user before it runs and in every error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Invocation {
     program: String,
@@ -162,7 +162,7 @@ pub(crate) struct Invocation {
 }
 
 impl Invocation {
-    /// A program with its arguments.
+    /// A program with arguments.
     pub(crate) fn new(program: &str, arguments: &[&str]) -> Self {
         Self {
             program: program.to_owned(),
@@ -171,12 +171,12 @@ impl Invocation {
         }
     }
 
-    /// `cargo` with its arguments.
+    /// `cargo` with arguments.
     pub(crate) fn cargo(arguments: &[&str]) -> Self {
         Self::new("cargo", arguments)
     }
 
-    /// The same command with one more variable in its environment.
+    /// Adds a variable to the command's environment.
     pub(crate) fn with_env(mut self, name: &'static str, value: &str) -> Self {
         self.environment.push((name, value.to_owned()));
         self
@@ -187,7 +187,7 @@ impl Invocation {
         &self.arguments
     }
 
-    /// The process, ready to start.
+    /// The process, ready to be started.
     pub(crate) fn command(&self, workspace: &Workspace) -> Command {
         let mut command = workspace.command(&self.program);
         command.args(&self.arguments);
@@ -195,7 +195,7 @@ impl Invocation {
         command
     }
 
-    /// What to say when the program does not even start.
+    /// Message for a program that does not start.
     pub(crate) fn cannot_start(&self) -> String {
         let program = &self.program;
         format!("`{self}` could not be started; check that `{program}` is installed and on PATH")
@@ -215,7 +215,7 @@ impl fmt::Display for Invocation {
     }
 }
 
-/// An argument as one would type it.
+/// An argument, quoted as on a command line.
 fn quoted(argument: &str) -> String {
     if argument.is_empty() || argument.contains(char::is_whitespace) {
         format!("\"{argument}\"")
@@ -228,7 +228,7 @@ fn quoted(argument: &str) -> String {
 mod tests {
     use super::*;
 
-    /// What a command would do to a variable: `None` when it is left as inherited.
+    /// Change of a variable by a command: `None` when it is inherited.
     fn change(command: &Command, name: &str) -> Option<Option<String>> {
         command
             .get_envs()

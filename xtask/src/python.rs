@@ -1,8 +1,9 @@
-//! The tests in Python, `cargo xtask ci --only python`: what other programs make of what the tool
+//! `cargo xtask ci --only python`: tests in Python of the tool's output files in other programs.
 //! writes.
 //!
-//! Packages come from the Python package index, in the versions of a list, into a virtual environment
-//! below `target`. That needs a network once, so the gate runs this step only when it is named.
+//! A list gives the versions of the packages, which are installed from the Python package index
+//! into a virtual environment below `target`. The first run needs a network, so the gate runs this
+//! step only when it is named.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,13 +13,13 @@ use anyhow::{Context, Result};
 use crate::firmware;
 use crate::process::{Invocation, Workspace};
 
-/// The tests, and the list of their packages.
+/// Folder of the tests, with the list of their packages.
 const TESTS: &str = "host/tool/tests/python";
 const PACKAGES: &str = "host/tool/tests/python/requirements.txt";
-/// The virtual environment.
+/// Folder of the virtual environment.
 const ENVIRONMENT: &str = "target/python";
 
-/// Builds the tool and the image, installs the packages that are missing, and runs the tests.
+/// Builds the tool and the image, installs missing packages, and runs the tests.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let tool = text(&build_tool(workspace)?)?;
     let image = text(&firmware::build(workspace)?)?;
@@ -36,20 +37,20 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     Ok("other programs read what the tool writes".to_owned())
 }
 
-/// Builds the tool as the tests are built, and returns its path.
+/// Builds the tool with the settings of the tests, and returns its path.
 fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
     let mut arguments = vec!["build", "--locked", "--package", "palpate"];
     arguments.extend(["--message-format", "json-render-diagnostics"]);
     workspace.build(&Invocation::cargo(&arguments))
 }
 
-/// The Python of the environment, with all packages of the list.
+/// Creates the environment with all packages of the list; returns its Python.
 fn install(workspace: &Workspace) -> Result<String> {
     let environment = workspace.root().join(ENVIRONMENT);
     let python = text(&environment.join("bin/python"))?;
     let listed = fs::read_to_string(workspace.root().join(PACKAGES))
         .with_context(|| format!("{PACKAGES} could not be read"))?;
-    // A copy of the list, written when all of it is installed.
+    // A copy of the list, written when all packages are installed.
     let installed = environment.join("requirements.txt");
     if fs::read_to_string(&installed).is_ok_and(|before| before == listed) {
         return Ok(python);

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
 
-/// The files that git tracks or would add, by their paths from the root.
+/// Files that git tracks or would add, by their paths from the root.
 pub(crate) fn files(workspace: &Workspace) -> Result<Vec<String>> {
     let list = Invocation::new(
         "git",

@@ -1,21 +1,21 @@
-//! What the checks need besides stable Rust: microcontroller targets, four tools, and for the fuzzer a
-//! nightly toolchain. A release needs two tools more.
+//! Prerequisites of the checks besides stable Rust: microcontroller targets, four tools, and a
+//! nightly toolchain for the fuzzer. A release needs two more tools.
 
 use anyhow::{Context, Result, anyhow, bail};
 
 use crate::members::ARM_TARGETS;
 use crate::process::{Invocation, Workspace};
 
-/// A tool from the registry that is run as a separate program.
+/// A tool from the registry that runs as a separate program.
 #[derive(Debug)]
 pub(crate) struct Tool {
     /// Package in the registry.
     package: &'static str,
-    /// The version that is installed, so that a new release cannot turn an old commit red.
+    /// Installed version, so that a new release cannot make an old commit fail.
     version: &'static str,
-    /// Its features in the place of the usual ones, where those take long to build.
+    /// Features that replace the default ones, if those take long to build.
     features: Option<&'static str>,
-    /// A command that succeeds when the tool is there.
+    /// A command that succeeds if the tool is installed.
     probe: &'static [&'static str],
 }
 
@@ -35,7 +35,7 @@ pub(crate) const TYPOS: Tool = Tool {
     probe: &["typos", "--version"],
 };
 
-/// The book. Without its server and without watching files, which the gate has no use for.
+/// The book, without its server and file watching, which the gate does not need.
 pub(crate) const MDBOOK: Tool = Tool {
     package: "mdbook",
     version: "0.5.4",
@@ -51,7 +51,7 @@ pub(crate) const CARGO_FUZZ: Tool = Tool {
     probe: &["cargo", "fuzz", "--version"],
 };
 
-/// Licences of everything that a release holds, with their texts.
+/// Licences of all contents of a release, with their texts.
 pub(crate) const CARGO_ABOUT: Tool = Tool {
     package: "cargo-about",
     version: "0.9.3",
@@ -67,10 +67,10 @@ pub(crate) const CARGO_CYCLONEDX: Tool = Tool {
     probe: &["cargo", "cyclonedx", "--version"],
 };
 
-/// The toolchain with which the fuzzer builds: it asks the compiler for what no stable one has.
+/// Toolchain of the fuzzer, which needs unstable compiler options.
 pub(crate) const NIGHTLY: &str = "nightly";
 
-/// A tool that no machine has, for tests.
+/// A tool that is not installed anywhere, for tests.
 #[cfg(test)]
 pub(crate) const ABSENT: Tool = Tool {
     package: "palpate-no-such-tool",
@@ -81,17 +81,17 @@ pub(crate) const ABSENT: Tool = Tool {
 
 /// Every tool that the checks use.
 const TOOLS: &[&Tool] = &[&CARGO_DENY, &CARGO_FUZZ, &MDBOOK, &TYPOS];
-/// What `cargo xtask release` uses, which no check runs.
+/// Tools of `cargo xtask release`, which no check runs.
 const RELEASE_TOOLS: &[&Tool] = &[&CARGO_ABOUT, &CARGO_CYCLONEDX];
 
-/// How a tool is built: it runs for seconds, and to optimise it as a whole takes minutes.
+/// Settings for the build of a tool: it runs for seconds, and full optimisation takes minutes.
 const QUICK_BUILD: &[(&str, &str)] = &[
     ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16"),
     ("CARGO_PROFILE_RELEASE_LTO", "off"),
     ("CARGO_PROFILE_RELEASE_OPT_LEVEL", "1"),
 ];
 
-/// What a step needs before it can run.
+/// Prerequisite of a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Need {
     /// The standard library of a target.
@@ -103,8 +103,8 @@ pub(crate) enum Need {
 }
 
 impl Need {
-    /// Makes sure that it is there. A target is added when it is missing; a tool takes minutes to
-    /// build and is never installed unasked.
+    /// Makes sure that it is installed. A missing target is added; a tool takes minutes to build
+    /// and is never installed unasked.
     pub(crate) fn provide(self, workspace: &Workspace) -> Result<()> {
         match self {
             Self::Target(target) => add_target(workspace, target),
@@ -121,7 +121,7 @@ impl Need {
 }
 
 impl Tool {
-    /// The command that installs it.
+    /// Command that installs it.
     fn install(&self) -> Invocation {
         let package = format!("{}@{}", self.package, self.version);
         let mut arguments = vec!["install", "--locked", &package];
@@ -131,7 +131,7 @@ impl Tool {
         Invocation::cargo(&arguments)
     }
 
-    /// Whether it is there, in whatever version.
+    /// Whether any version is installed.
     fn is_installed(&self, workspace: &Workspace) -> bool {
         self.probe
             .split_first()
@@ -140,7 +140,7 @@ impl Tool {
             })
     }
 
-    /// What to say when it is not.
+    /// Error for a missing tool.
     fn missing(&self) -> anyhow::Error {
         anyhow!(
             "the tool {} is not installed; install it with `{}`, or everything at once with \
@@ -151,7 +151,7 @@ impl Tool {
     }
 }
 
-/// Adds every target and installs every tool that is missing; those of a release only if one is to be made.
+/// Adds every missing target and installs every missing tool; those of a release only on request.
 pub(crate) fn install_everything(workspace: &Workspace, for_release: bool) -> Result<()> {
     for target in ARM_TARGETS {
         add_target(workspace, target)?;
@@ -190,7 +190,7 @@ fn install_nightly() -> Invocation {
     Invocation::new("rustup", &arguments)
 }
 
-/// Adds a target through rustup when the toolchain lacks it.
+/// Adds a target through rustup if the toolchain lacks it.
 fn add_target(workspace: &Workspace, target: &str) -> Result<()> {
     if has_target(workspace, target)? {
         return Ok(());
@@ -214,7 +214,7 @@ fn add_target(workspace: &Workspace, target: &str) -> Result<()> {
     Ok(())
 }
 
-/// Whether the toolchain in use has the core library of a target.
+/// Whether the active toolchain has the core library of a target.
 fn has_target(workspace: &Workspace, target: &str) -> Result<bool> {
     let query = Invocation::new("rustc", &["--print", "target-libdir", "--target", target]);
     let folder = workspace.output(&query)?;

@@ -1,4 +1,4 @@
-//! Steps: what runs, in which order, and what the user reads when one fails.
+//! Steps: their order, their execution, and the message of a failed step.
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
@@ -11,32 +11,32 @@ use crate::setup::Need;
 /// One part of the gate.
 #[derive(Debug)]
 pub(crate) struct Step {
-    /// A short name: the argument of `--only`, and the line of the summary.
+    /// Short name: the argument of `--only`, and the line of the summary.
     pub(crate) name: &'static str,
-    /// What it does.
+    /// Purpose.
     pub(crate) purpose: &'static str,
-    /// What has to be there first.
+    /// Prerequisites.
     pub(crate) needs: Vec<Need>,
-    /// How it is done.
+    /// Action.
     pub(crate) action: Action,
-    /// What to do when it fails.
+    /// Remedy after a failure.
     pub(crate) remedy: &'static str,
 }
 
-/// How a step is done.
+/// Action of a step.
 #[derive(Debug)]
 pub(crate) enum Action {
     /// Commands, one after the other.
     Commands(Vec<Invocation>),
-    /// A check of our own, which returns what it found in one line.
+    /// A check of this program, which returns its result in one line.
     Check(fn(&Workspace) -> Result<String>),
 }
 
 impl Step {
-    /// Runs the step to its end or its first error, which says what to do.
+    /// Runs the step to its end or its first error, which includes a remedy.
     fn run(&self, workspace: &Workspace) -> Result<(), String> {
         for need in &self.needs {
-            // The error names the remedy itself; the step's own is for what the step finds.
+            // This error has its own remedy; the step's remedy is for its findings.
             need.provide(workspace)
                 .map_err(|cause| format!("  cause: {cause:#}"))?;
         }
@@ -54,7 +54,7 @@ impl Step {
     }
 }
 
-/// A step that has passed, and the time it took.
+/// A passed step, with its duration.
 struct Passed {
     name: &'static str,
     took: Duration,
@@ -93,7 +93,7 @@ pub(crate) fn run_all(workspace: &Workspace, steps: &[Step]) -> Result<()> {
     Ok(())
 }
 
-/// Picks the steps with the given names, in the order in which the gate runs them.
+/// Selects the steps of the given names, in the order of the gate.
 pub(crate) fn select(steps: Vec<Step>, names: &[String]) -> Result<Vec<Step>> {
     for name in names {
         if !steps.iter().any(|step| step.name == name) {
@@ -110,7 +110,7 @@ pub(crate) fn select(steps: Vec<Step>, names: &[String]) -> Result<Vec<Step>> {
         .collect())
 }
 
-/// Each passed step with its time, and how many have not passed.
+/// Each passed step with its time, and the number of steps that have not passed.
 fn summary(passed: &[Passed], all: usize) -> String {
     let mut text = String::new();
     let mut total = Duration::ZERO;

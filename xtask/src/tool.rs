@@ -1,4 +1,4 @@
-//! The tool as its users run it, for campaigns that run it several times.
+//! The user's tool, for campaigns that run it several times.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::process::{Invocation, Workspace};
 
-/// Builds the tool and returns where it is.
+/// Builds the tool and returns its path.
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     let build = Invocation::cargo(&["build", "--release", "-p", "palpate"]);
     workspace.run(&build)?;

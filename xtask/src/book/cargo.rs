@@ -1,4 +1,5 @@
-//! Commands of cargo in a text: whether verbs, packages, targets, features and tests exist that they name.
+//! Checks cargo commands in a text: the verbs, packages, targets, features and tests that they name
+//! must exist.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -27,26 +28,26 @@ const VERBS: &[&str] = &[
     "uninstall",
 ];
 
-/// What commands may name.
+/// Names that commands may use.
 #[derive(Debug, Default)]
 pub(super) struct Cargo {
     aliases: BTreeSet<String>,
     packages: BTreeMap<String, Package>,
 }
 
-/// What a package has.
+/// Contents of a package.
 #[derive(Debug, Default)]
 struct Package {
-    /// Its folder, from the root.
+    /// Its folder, relative to the root.
     folder: String,
     features: BTreeSet<String>,
-    /// Programs, tests, examples and benchmarks, each as its option: `--test integration`.
+    /// Programs, tests, examples and benchmarks, each as its option, such as `--test integration`.
     targets: BTreeSet<String>,
-    /// The names of its modules and functions, by which tests are selected.
+    /// Names of its modules and functions, which select tests.
     items: BTreeSet<String>,
 }
 
-/// What `cargo metadata --no-deps` prints.
+/// Output of `cargo metadata --no-deps`.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Described>,
@@ -66,7 +67,7 @@ struct Target {
     kind: Vec<String>,
 }
 
-/// What options of a command name.
+/// Names in the options of a command.
 #[derive(Default)]
 struct Named<'t> {
     package: Option<&'t str>,
@@ -77,7 +78,7 @@ struct Named<'t> {
 }
 
 impl Cargo {
-    /// Reads what cargo says of a workspace, and its sources.
+    /// Reads the workspace's metadata from cargo, and its sources.
     pub(super) fn read(workspace: &Workspace) -> Result<Self> {
         let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
         let metadata: Metadata = serde_json::from_str(&workspace.output(&query)?)
@@ -95,7 +96,8 @@ impl Cargo {
         })
     }
 
-    /// What a command names and does not exist. Words in capitals stand for something.
+    /// Description of a name in a command that does not exist; `None` if all exist. Words in
+    /// capitals are placeholders.
     pub(super) fn fault_of(&self, command: &str) -> Option<String> {
         let command = command.split(" #").next().unwrap_or_default();
         let mut words = command.split_whitespace();
@@ -106,7 +108,7 @@ impl Cargo {
             words = rest;
         }
         match words {
-            // A sentence names the program, or a toolchain of it.
+            // A sentence that names the program, or a toolchain of it.
             [] | ["xtask"] => None,
             ["xtask", ..] => fault_of_xtask(words),
             [verb, ..] if self.aliases.contains(*verb) => None,
@@ -173,14 +175,14 @@ impl Package {
         Ok((described.name, package))
     }
 
-    /// Whether a test is selected by a part of its path.
+    /// Whether a part of a test's path selects any test.
     fn has_test(&self, path: &str) -> bool {
         let mut parts = path.split("::");
         parts.all(|part| self.items.iter().any(|item| item.contains(part)))
     }
 }
 
-/// The name of the module or function that a line begins.
+/// Name of the module or function that starts on a line.
 fn item(line: &str) -> Option<&str> {
     let mut words = line.split_whitespace();
     words.find(|word| ["mod", "fn"].contains(word))?;
@@ -216,7 +218,7 @@ impl<'t> Named<'t> {
     }
 }
 
-/// The same for a command of this program.
+/// Description of a fault in a command of xtask; `None` if it is right.
 fn fault_of_xtask(words: &[&str]) -> Option<String> {
     let words = words.iter().copied().filter(|word| *word != "...");
     let parsed = match Arguments::try_parse_from(words) {

@@ -1,22 +1,22 @@
-//! The commands in a text: in its blocks of code, and within its sentences.
+//! Finds the commands in a text: in code blocks, and within sentences.
 //!
-//! `host/tool/tests/integration/documented` reads texts by this file too.
+//! `host/tool/tests/integration/documented` also includes this file to read texts.
 
-/// The programs whose commands these are.
+/// Programs whose commands are found.
 const PROGRAMS: [&str; 2] = ["palpate", "cargo"];
 
-/// A command as its reader finds it.
+/// A command in a text.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Command {
-    /// Its line in the text, from 1.
+    /// Line in the text, from 1.
     pub(crate) line: usize,
-    /// All of it on one line, with its comment.
+    /// The whole command on one line, with its comment.
     pub(crate) text: String,
-    /// Whether it stands within a sentence.
+    /// Whether it is within a sentence.
     pub(crate) is_inline: bool,
 }
 
-/// The commands of a page in Markdown: in fences, and between backticks.
+/// Commands of a Markdown page: in fences, and between backticks.
 pub(crate) fn of_page(markdown: &str) -> Vec<Command> {
     let mut in_fence = false;
     commands(markdown, |line| {
@@ -32,7 +32,7 @@ struct CommandLine<'t> {
     is_code: bool,
 }
 
-/// The commands of a text, whose lines are code or not.
+/// Commands of a text; `is_code` tells code lines from others.
 pub(crate) fn commands(text: &str, mut is_code: impl FnMut(&str) -> bool) -> Vec<Command> {
     let lines = (1..).zip(text.lines()).map(|(number, text)| CommandLine {
         number,
@@ -50,7 +50,7 @@ pub(crate) fn commands(text: &str, mut is_code: impl FnMut(&str) -> bool) -> Vec
         .collect()
 }
 
-/// A command for each line, or for several that end with a backslash.
+/// One command per line, or per several lines joined by backslashes.
 fn in_block(lines: &[CommandLine<'_>]) -> Vec<Command> {
     let mut found = Vec::new();
     let mut begun: Option<Command> = None;
@@ -72,7 +72,7 @@ fn in_block(lines: &[CommandLine<'_>]) -> Vec<Command> {
     found
 }
 
-/// What stands between backticks, also where a line breaks in between.
+/// Text between backticks, also across a line break.
 fn in_sentences(lines: &[CommandLine<'_>]) -> Vec<Command> {
     let mut found = Vec::new();
     for paragraph in lines.split(|line| line.text.trim().is_empty()) {
@@ -94,7 +94,7 @@ fn in_sentences(lines: &[CommandLine<'_>]) -> Vec<Command> {
     found
 }
 
-/// Whether one of [`PROGRAMS`] is called, with an argument.
+/// Whether the text calls one of [`PROGRAMS`] with an argument.
 fn names_program(text: &str) -> bool {
     let calls = text.split(" | ").flat_map(|part| part.split(" && "));
     calls.into_iter().any(|call| {
@@ -103,7 +103,7 @@ fn names_program(text: &str) -> bool {
     })
 }
 
-/// Whether a word before a command sets a variable.
+/// Whether a word before a command sets an environment variable.
 fn is_setting(word: &str) -> bool {
     let name = word.split_once('=').map(|(name, _)| name);
     name.is_some_and(|name| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))

@@ -1,24 +1,24 @@
-//! As much of Markdown as it takes to find links, code and headings.
+//! A minimal Markdown parser for links, code and headings.
 
 use std::collections::BTreeSet;
 
 use super::commands::{self, Command};
 
-/// What a page links to, names, and can be linked at.
+/// Links, code and link targets of a page.
 #[derive(Debug, Default)]
 pub(super) struct Page {
-    /// Targets of links, each with its line.
+    /// Targets of links, with their lines.
     pub(super) links: Vec<(usize, String)>,
-    /// Code within the text, each with its line.
+    /// Inline code, with its lines.
     pub(super) code: Vec<(usize, String)>,
-    /// Commands, in blocks of code and in sentences.
+    /// Commands, in code blocks and in sentences.
     pub(super) commands: Vec<Command>,
     /// Names of its headings.
     pub(super) anchors: BTreeSet<String>,
 }
 
 impl Page {
-    /// Reads a page. Blocks of code have commands and nothing else.
+    /// Parses a page. Code blocks contribute only commands.
     pub(super) fn parse(text: &str) -> Self {
         let mut page = Self {
             commands: commands::of_page(text),
@@ -44,7 +44,7 @@ impl Page {
                 .find(|name| !self.anchors.contains(name));
             self.anchors.extend(free);
         }
-        // Every second piece is code; a link's text may be, its target never is.
+        // Every second piece is code; a link's text may be code, its target never is.
         let mut prose = String::new();
         for (index, piece) in line.split('`').enumerate() {
             if index % 2 == 1 {
@@ -68,7 +68,7 @@ fn heading(line: &str) -> Option<&str> {
         .flatten()
 }
 
-/// The name that mdbook and the pages of repositories give a heading.
+/// Anchor that mdbook and repository pages give to a heading.
 fn anchor(title: &str) -> String {
     title
         .trim()

@@ -1,9 +1,9 @@
-//! The book: every page is listed, every link and every path in the text leads to a file, every command of cargo
-//! names what exists, and mdbook builds it.
+//! The book: every page is listed, every link and every path in the text leads to a file, every
+//! cargo command names existing items, and mdbook builds it.
 //!
-//! A link stays within what its file is read with: a page of `docs` within the book, a file of a
-//! package within the package, any other within the repository. What lies outside is named in the
-//! text, by its path from the repository's root.
+//! A link stays within the unit in which its file is read: for a page of `docs` the book, for a
+//! file of a package the package, for any other file the repository. The text names anything
+//! outside by its path from the repository's root.
 
 mod cargo;
 mod commands;
@@ -20,14 +20,14 @@ use crate::repository;
 use cargo::Cargo;
 use markdown::Page;
 
-/// The folder of the book, and its list of pages.
+/// Folder of the book; below, its list of pages.
 const BOOK: &str = "docs";
 const SUMMARY: &str = "docs/SUMMARY.md";
 
-/// Pages that record what was: the paths of their day may be gone.
+/// Pages that record the past; paths in them may no longer exist.
 const RECORDS: &[&str] = &["CHANGELOG.md", "docs/decisions/", "docs/evidence/"];
 
-/// Something wrong with the text.
+/// A fault in the text.
 #[derive(Debug, PartialEq, Eq)]
 struct Finding {
     file: String,
@@ -58,7 +58,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     ))
 }
 
-/// Commands of cargo that name what does not exist.
+/// Cargo commands that name something that does not exist.
 fn commands_that_fail(workspace: &Workspace, text: &Text) -> Result<Vec<Finding>> {
     let cargo = Cargo::read(workspace)?;
     let mut findings = Vec::new();
@@ -79,12 +79,12 @@ fn commands_that_fail(workspace: &Workspace, text: &Text) -> Result<Vec<Finding>
     Ok(findings)
 }
 
-/// The repository as its text sees it.
+/// Files and pages of the repository.
 #[derive(Debug, Default)]
 struct Text {
     /// Every file, by its path from the root.
     files: BTreeSet<String>,
-    /// Those that are Markdown.
+    /// Markdown pages.
     pages: BTreeMap<String, Page>,
 }
 
@@ -105,7 +105,7 @@ impl Text {
         Ok(text)
     }
 
-    /// Everything wrong, in the order of the files.
+    /// All faults, in order of the files.
     fn findings(&self) -> Vec<Finding> {
         let mut findings = self.unlisted();
         for (file, page) in &self.pages {
@@ -126,7 +126,7 @@ impl Text {
         findings
     }
 
-    /// Pages of the book that its list leaves out: mdbook does not build them.
+    /// Pages of the book that its list leaves out; mdbook does not build them.
     fn unlisted(&self) -> Vec<Finding> {
         let Some(summary) = self.pages.get(SUMMARY) else {
             return Vec::new();
@@ -147,7 +147,7 @@ impl Text {
             .collect()
     }
 
-    /// What is wrong with a link, if anything is.
+    /// Description of a fault in a link; `None` if it is right.
     fn fault_of_link(&self, file: &str, link: &str) -> Option<String> {
         if link.contains("://") || link.starts_with("mailto:") {
             return None;
@@ -181,19 +181,19 @@ impl Text {
         }
     }
 
-    /// Whether code in the text names a path of the repository that does not exist.
+    /// Whether inline code names a path of the repository that does not exist.
     fn is_gone(&self, file: &str, code: &str) -> bool {
         let path = code.trim_end_matches('/');
         let top = path.split('/').next().unwrap_or_default();
         let plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
         let is_path = path.contains('/') && path.chars().all(plain) && self.exists(top);
         let records = RECORDS.iter().any(|record| file.starts_with(record));
-        // A crate's page names its own files from its own folder.
+        // A crate's page names its own files relative to its folder.
         let nearby = format!("{}/{path}", self.home(file));
         is_path && !records && !self.exists(path) && !self.exists(&nearby)
     }
 
-    /// Whether there is such a file or folder.
+    /// Whether a file or folder exists.
     fn exists(&self, path: &str) -> bool {
         let below = format!("{path}/");
         self.files.contains(path)
@@ -204,7 +204,7 @@ impl Text {
                 .is_some_and(|file| file.starts_with(&below))
     }
 
-    /// The folder that a file is read with: the book, the innermost package, or the repository.
+    /// Unit in which a file is read: the book, the innermost package, or the repository.
     fn home<'a>(&self, file: &'a str) -> &'a str {
         if is_below(file, BOOK) {
             return BOOK;
@@ -223,7 +223,7 @@ fn is_below(file: &str, folder: &str) -> bool {
         .is_some_and(|rest| rest.starts_with('/'))
 }
 
-/// The path from the root that a link in a file means, or `None` beyond the root.
+/// Path from the root to a link's target, or `None` beyond the root.
 fn resolve(file: &str, link: &str) -> Option<String> {
     let mut parts: Vec<&str> = file.split('/').collect();
     parts.pop();
@@ -243,7 +243,7 @@ fn resolve(file: &str, link: &str) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// A repository of these files; those that end in `.md` have a text.
+    /// A repository of these files; files that end in `.md` have this text.
     fn text(files: &[(&str, &str)]) -> Text {
         let mut text = Text::default();
         for (name, content) in files {
@@ -255,7 +255,7 @@ mod tests {
         text
     }
 
-    /// What is found in `docs/a.md` with this text.
+    /// Faults of `docs/a.md` with this text.
     fn found(content: &str) -> Vec<String> {
         let files = [
             ("README.md", "# Top"),

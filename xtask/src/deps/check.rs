@@ -1,4 +1,4 @@
-//! The check itself: a pure function from a graph to what is wrong with it.
+//! The check itself: a pure function from a graph to its violations.
 
 use std::fmt;
 
@@ -6,14 +6,14 @@ use super::graph::{Crate, Dependency, Graph, Kind};
 use super::rules::{DRIVERS, FIRMWARE, LOG_FORMAT, MCU_ONLY, MODEL, NOT_MCU, On, RULES, Rule};
 use crate::members::{Member, RunsOn};
 
-/// A rule that a crate breaks.
+/// A violation of a rule by a crate.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Violation {
     /// Name of the rule.
     pub(super) rule: &'static str,
-    /// The crate that breaks it.
+    /// Crate that breaks it.
     pub(super) who: String,
-    /// How, and why that is wrong.
+    /// Description, with the reason for the rule.
     fault: String,
 }
 
@@ -33,7 +33,7 @@ impl Violation {
     }
 }
 
-/// Everything wrong with the workspace, given the gate's table of its members.
+/// All violations of the workspace, given the gate's table of its members.
 pub(super) fn violations(graph: &Graph, members: &[Member]) -> Vec<Violation> {
     let mut found = missing_crates(graph, members);
     for krate in &graph.crates {
@@ -58,7 +58,8 @@ fn missing_crates(graph: &Graph, members: &[Member]) -> Vec<Violation> {
         .collect()
 }
 
-/// Whether the crate is known to the gate: a row, all its features, and a rule that binds it.
+/// Violations of registration: a crate needs a row, all its features in it, and a rule that applies
+/// to it.
 fn entered(krate: &Crate, members: &[Member]) -> Vec<Violation> {
     let mut found = Vec::new();
     match members.iter().find(|member| member.name == krate.name) {
@@ -95,7 +96,7 @@ fn same_features(krate: &Crate, member: &Member) -> bool {
             .all(|&feature| krate.features.contains(feature))
 }
 
-/// Dependencies on other crates of the workspace against [`RULES`].
+/// Violations of [`RULES`] by dependencies on other crates of the workspace.
 fn directions(krate: &Crate, graph: &Graph) -> Vec<Violation> {
     let mut found = Vec::new();
     for rule in RULES.iter().filter(|rule| names(rule.who, krate)) {
@@ -112,8 +113,8 @@ fn directions(krate: &Crate, graph: &Graph) -> Vec<Violation> {
     found
 }
 
-/// A `no_std` crate depends on no crate that needs the standard library. Tests and build scripts
-/// run on a PC and may.
+/// Violations by a `no_std` crate that depends on a crate with the standard library. Tests and
+/// build scripts run on a PC and may.
 fn no_std(krate: &Crate, graph: &Graph, members: &[Member]) -> Vec<Violation> {
     let is_no_std = |name: &str| {
         members
@@ -136,8 +137,9 @@ fn no_std(krate: &Crate, graph: &Graph, members: &[Member]) -> Vec<Violation> {
         .collect()
 }
 
-/// Crates that only the firmware may name. An example of a driver or of the model for a
-/// microcontroller may have them too, as a dev-dependency for that microcontroller's target.
+/// Violations by a dependency that only the firmware may have. An example of a driver or of the
+/// model for a microcontroller may also have it, as a dev-dependency for that microcontroller's
+/// target.
 fn hardware(krate: &Crate) -> Vec<Violation> {
     if krate.name == FIRMWARE {
         return Vec::new();
@@ -168,7 +170,7 @@ fn hardware(krate: &Crate) -> Vec<Violation> {
     found
 }
 
-/// A crate's dependencies within the workspace.
+/// Dependencies of a crate within the workspace.
 fn inside<'a>(
     krate: &'a Crate,
     graph: &'a Graph,
@@ -187,7 +189,7 @@ fn allows(rule: &Rule, other: &Crate) -> bool {
     }
 }
 
-/// Whether a name, or a folder with `/*`, means this crate.
+/// Whether a name, or a folder with `/*`, matches this crate.
 fn names(pattern: &str, krate: &Crate) -> bool {
     match pattern.strip_suffix("/*") {
         Some(folder) => krate
@@ -212,7 +214,7 @@ fn is_mcu_only(name: &str) -> bool {
         })
 }
 
-/// "depend on" with the name and the table.
+/// "depend on" with the dependency's name and table.
 fn depend(dependency: &Dependency) -> String {
     let table = match dependency.kind {
         Kind::Normal => "",

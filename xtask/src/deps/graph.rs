@@ -1,4 +1,4 @@
-//! The part of `cargo metadata` that the rules look at.
+//! The part of `cargo metadata` that the rules need.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde::Deserialize;
 
-/// What `cargo metadata --no-deps` prints.
+/// Output of `cargo metadata --no-deps`.
 #[derive(Deserialize)]
 struct Metadata {
     workspace_root: PathBuf,
@@ -25,13 +25,13 @@ struct Package {
 #[derive(Deserialize)]
 struct Entry {
     name: String,
-    /// None stands for `[dependencies]`.
+    /// `None` for `[dependencies]`.
     kind: Option<String>,
     optional: bool,
     target: Option<String>,
 }
 
-/// The workspace's crates and what they depend on directly.
+/// Crates of the workspace with their direct dependencies.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Graph {
     /// Every crate of the workspace.
@@ -43,28 +43,28 @@ pub(super) struct Graph {
 pub(super) struct Crate {
     /// Package name.
     pub(super) name: String,
-    /// Its folder below the workspace's, with `/` between the parts.
+    /// Folder relative to the workspace, with `/` between the parts.
     pub(super) folder: String,
     /// Its features, without `default`.
     pub(super) features: BTreeSet<String>,
-    /// What its manifest names, from the workspace and from elsewhere.
+    /// Dependencies in its manifest, from the workspace and from elsewhere.
     pub(super) dependencies: Vec<Dependency>,
 }
 
 /// One entry of a manifest's dependency tables.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Dependency {
-    /// Package name, whatever the manifest renames it to.
+    /// Package name, regardless of renames in the manifest.
     pub(super) name: String,
-    /// Which table it stands in.
+    /// Table of the entry.
     pub(super) kind: Kind,
-    /// Whether a feature has to ask for it.
+    /// Whether it is only active with a feature.
     pub(super) optional: bool,
-    /// Whether it counts on some platforms only (`[target.'cfg(..)'.dependencies]`).
+    /// Whether it applies to some platforms only (`[target.'cfg(..)'.dependencies]`).
     pub(super) target_gated: bool,
 }
 
-/// The table of the manifest in which a dependency stands.
+/// Table of the manifest that contains a dependency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// `[dependencies]`.
@@ -87,7 +87,7 @@ impl Graph {
         Ok(Self { crates })
     }
 
-    /// The crate of this name.
+    /// Crate of this name.
     pub(super) fn find(&self, name: &str) -> Option<&Crate> {
         self.crates.iter().find(|krate| krate.name == name)
     }
@@ -121,7 +121,7 @@ impl Dependency {
             kind: match entry.kind.as_deref() {
                 Some("dev") => Kind::Dev,
                 Some("build") => Kind::Build,
-                // A kind that cargo may invent later is judged as strictly as there is.
+                // An unknown kind is treated as strictly as possible.
                 _ => Kind::Normal,
             },
             optional: entry.optional,

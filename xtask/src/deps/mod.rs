@@ -1,11 +1,11 @@
 //! The direction of dependencies between the workspace's crates.
 //!
-//! The rules are a table in [`rules`], the check is a pure function over a [graph](graph::Graph)
-//! in [`check`], and [`check_workspace`] runs it on what `cargo metadata` says of this workspace.
-//! What stands in the manifests is judged, for all features and all platforms.
+//! The rules are a table in [`rules`], the check is a pure function over a [graph](graph::Graph) in
+//! [`check`], and [`check_workspace`] runs it on the `cargo metadata` of this workspace. It checks
+//! the manifests, for all features and all platforms.
 //!
-//! Whether a dependency from the registry uses the standard library does not stand there: that
-//! is what the step `no-std` of the gate finds, which builds for targets that have none.
+//! The manifests do not show whether a dependency from the registry uses the standard library: the
+//! gate's step `no-std` finds that, by builds for targets that have none.
 
 mod check;
 mod graph;
@@ -19,7 +19,7 @@ use anyhow::{Context, Result, bail};
 use crate::members::MEMBERS;
 use crate::process::{Invocation, Workspace};
 
-/// Checks this workspace and tells how many crates there are.
+/// Checks this workspace and returns a line with the number of crates.
 pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
     let graph = graph::Graph::parse(&workspace.output(&query)?)

@@ -1,39 +1,39 @@
 //! The rules, as tables.
 //!
-//! A crate is named by its package name, or by its folder with `/*` for all that lie in it.
-//! A rule may name a crate that does not exist yet; it waits for it.
+//! A crate is given by its package name, or by its folder with `/*` for all crates in it. A rule
+//! may name a crate that does not exist yet.
 
-/// The firmware: the only crate that knows the hardware.
+/// The firmware, the only crate that depends on the hardware.
 pub(super) const FIRMWARE: &str = "palpate-firmware";
-/// The physics. An example of it runs on a microcontroller, to show that the bits are the same.
+/// The physics. One of its examples runs on a microcontroller, to show that the bits are equal.
 pub(super) const MODEL: &str = "palpate-model";
 
-/// The folder of the drivers.
+/// Folder of the drivers.
 pub(super) const DRIVERS: &str = "drivers/*";
 
-/// What a crate may depend on within the workspace, in any table of its manifest.
+/// Allowed dependencies of a crate within the workspace, in any table of its manifest.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
-    /// A name to speak of it.
+    /// Name of the rule, for messages.
     pub(super) name: &'static str,
-    /// Whom it binds.
+    /// Crates to which it applies.
     pub(super) who: &'static str,
-    /// What it demands.
+    /// Allowed dependencies.
     pub(super) may_depend: On,
-    /// Why.
+    /// Reason.
     pub(super) because: &'static str,
 }
 
-/// A set of the workspace's crates.
+/// A set of crates of the workspace.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum On {
-    /// None but these.
+    /// Only these.
     Only(&'static [&'static str]),
-    /// Any but these.
+    /// All except these.
     AnyBut(&'static [&'static str]),
 }
 
-/// Who may depend on whom. A crate may be bound by several rules, and has to be bound by one.
+/// All rules. Several rules may apply to a crate; at least one must.
 pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "model-alone",
@@ -201,7 +201,7 @@ pub(super) const RULES: &[Rule] = &[
 ];
 
 /// Crates that only the firmware may name: HALs, register crates, RTIC, start-up code, panic
-/// handlers, and the channels that carry defmt's logs. `*` stands for any beginning or end.
+/// handlers, and transports of defmt logs. `*` matches any prefix or suffix.
 pub(super) const MCU_ONLY: &[&str] = &[
     "*-hal",
     "*-pac",
@@ -221,8 +221,8 @@ pub(super) const MCU_ONLY: &[&str] = &[
     "stm32*",
 ];
 
-/// Names that fit [`MCU_ONLY`] and are no such thing: traits, and emulators for a PC.
+/// Names that match [`MCU_ONLY`] but are allowed: traits, and emulators for a PC.
 pub(super) const NOT_MCU: &[&str] = &["embedded-hal", "rp2040-emu", "rp2350-emu"];
 
-/// The log format: libraries may offer it behind a feature.
+/// Log format, which libraries may offer behind a feature.
 pub(super) const LOG_FORMAT: &str = "defmt";

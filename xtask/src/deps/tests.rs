@@ -1,4 +1,4 @@
-//! A sound workspace passes; each planted violation is found by the rule that forbids it.
+//! A correct workspace passes; the rule that forbids a planted violation finds it.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::rules::RULES;
 use crate::members::{Member, RunsOn};
 use crate::process::Workspace;
 
-/// The workspace as the design has it, complete: name, folder, where it runs, dependencies.
+/// The complete workspace by design: name, folder, platform, dependencies.
 const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
     ("palpate-model", "model", RunsOn::Everywhere, &["libm"]),
     ("palpate-wire", "firmware/wire", RunsOn::Everywhere, &[]),
@@ -150,7 +150,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
     ("xtask", "xtask", RunsOn::Host, &["clap"]),
 ];
 
-/// The edge that each rule is there to forbid: rule, crate, dependency, table.
+/// A forbidden edge for each rule: rule, crate, dependency, table.
 const PLANTED: &[(&str, &str, &str, Kind)] = &[
     ("model-alone", "palpate-model", "palpate-wire", Kind::Normal),
     ("model-alone", "palpate-model", "palpate-field", Kind::Dev),
@@ -324,7 +324,8 @@ fn sound() -> (Graph, Vec<Member>) {
     (Graph { crates }, members)
 }
 
-/// Names of the rules that the sound workspace breaks once `change` is made to a crate of it.
+/// Names of the rules that the correct workspace breaks after `change` is applied to one of its
+/// crates.
 fn broken_by(who: &str, change: impl FnOnce(&mut Crate)) -> BTreeSet<&'static str> {
     let (mut graph, members) = sound();
     let krate = graph
@@ -371,7 +372,7 @@ fn each_rule_has_a_planted_violation() {
 
 #[test]
 fn tests_of_a_no_std_crate_may_use_the_standard_library() {
-    // Of the no_std crates only the firmware's rules leave room to show the difference.
+    // Of the no_std crates, only the firmware's rules allow the difference to show.
     let broken = broken_by("palpate-firmware", |krate| {
         krate.dependencies.push(edge("palpate-sim", Kind::Dev));
     });

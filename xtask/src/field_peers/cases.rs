@@ -1,9 +1,9 @@
-//! The cases, written down a second time: from the paper's table and text, not from the design files
-//! of palpate-field, so that an error in those shows too. Lengths in mm.
+//! The cases, written independently from the paper's table and text, not from the design files of
+//! palpate-field, so that an error in those shows as well. Lengths in mm.
 
 use serde_json::{Value, json};
 
-/// From and to.
+/// Start and end.
 pub(super) type Span = [f64; 2];
 
 /// A rectangle in the half-plane.
@@ -13,14 +13,14 @@ pub(super) struct Section {
     pub(super) x: Span,
 }
 
-/// The outline of the elastomer.
+/// Outline of the elastomer.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Body {
     /// None.
     None,
     /// A cylinder.
     Cylinder(Section),
-    /// A spheroid about the mid-plane by its semi-axes across and along the axis.
+    /// A spheroid about the mid-plane, by its semi-axes across and along the axis.
     Spheroid(Span),
 }
 
@@ -30,13 +30,14 @@ pub(super) struct Case {
     pub(super) name: &'static str,
     pub(super) body: Body,
     pub(super) plates: &'static [Section],
-    /// The circle in which everything lies.
+    /// Radius of the circle that encloses everything.
     pub(super) radius: f64,
-    /// What saturates: the plates, and the elastomer as well. At 10 A instead of 1 A.
+    /// Whether the materials saturate: the plates, and the elastomer as well. The current is then
+    /// 10 A instead of 1 A.
     pub(super) saturates: bool,
 }
 
-/// Mid-plane and centre of all circles.
+/// Axial position of the mid-plane and of all circles' centres.
 pub(super) const MIDDLE: f64 = 4.14;
 pub(super) const CORE: Section = Section {
     r: [0.0, 8.0],
@@ -56,7 +57,7 @@ pub(super) const BOARDS: [Section; 2] = [
 pub(super) const RING_AREA: f64 = 2.0 * 0.07;
 pub(super) const MSE_MU: f64 = 3.7;
 pub(super) const PLATE_MU: f64 = 1e5;
-/// Saturation of plates and elastomer.
+/// Saturation field of plates and elastomer, T.
 pub(super) const KNEE_T: f64 = 1.25;
 pub(super) const EXPONENT: f64 = 12.0;
 pub(super) const SATURATION_A_PER_M: f64 = 510e3;
@@ -150,13 +151,14 @@ pub(super) const CASES: [Case; 13] = [
 ];
 
 impl Case {
-    /// The current of all rings, A.
+    /// Current of all rings, A.
     pub(super) fn current_a(&self) -> f64 {
         if self.saturates { 10.0 } else { 1.0 }
     }
 
-    /// How much smaller triangles at corners are. At those of plates the field is far more singular:
-    /// with 20 NGSolve ends 1.4e-4 off on C1in, however fine the rest of the mesh is.
+    /// Factor by which triangles at corners are smaller. The field at corners of plates is far more
+    /// singular: with a factor of 20, NGSolve ends 1.4e-4 off on C1in, however fine the rest of the
+    /// mesh.
     pub(super) fn corner_grading(&self) -> f64 {
         if self.plates.is_empty() { 20.0 } else { 400.0 }
     }
@@ -169,7 +171,7 @@ impl Case {
         layers.into_iter().flat_map(layer).collect()
     }
 
-    /// The case as the script for NGSolve reads it, to be solved with these sizes of triangles.
+    /// The case for the NGSolve script, to be solved with these triangle sizes.
     pub(super) fn json(&self, sizes: &[f64]) -> Value {
         let section = |s: &Section| json!({ "r": s.r, "x": s.x });
         let sections = |all: &[Section]| all.iter().map(section).collect::<Vec<_>>();

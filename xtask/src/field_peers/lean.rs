@@ -1,5 +1,5 @@
-//! Time to 1e-4 on the core's mean beside the leanest deck of NGSolve: for each case the sizes of triangles are
-//! chosen knowing the answer, then both programs run in turns.
+//! Time to 1e-4 on the core's mean field, against the fastest deck of NGSolve: the triangle sizes
+//! of each case are chosen with the answer known, then both programs run alternately.
 
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
@@ -8,14 +8,14 @@ use super::cases::Case;
 use super::{EQUAL, PeerBench, PeerResult, number, ours, text};
 use crate::process::Invocation;
 
-/// The cases of the table.
+/// Cases of the table.
 const NAMES: [&str; 6] = ["A", "A10", "B1", "C1in", "backplates", "pot"];
-/// Runs of each program, in turns.
+/// Number of runs of each program, alternating.
 const RUNS: usize = 11;
-/// So many of the quickest settings are timed again before one is chosen.
+/// Number of the quickest settings that are timed again before one is chosen.
 const SHORTLIST: usize = 3;
 
-/// How often.
+/// Number of those timings.
 const REPEATED: usize = 3;
 
 /// Netgen's methods to fill a domain with triangles.
@@ -23,7 +23,7 @@ const REPEATED: usize = 3;
 enum Mesher {
     /// `delaunay2d=True`.
     Delaunay,
-    /// What netgen does if nothing else is asked for.
+    /// Netgen's default.
     AdvancingFront,
 }
 
@@ -33,17 +33,17 @@ const MESHERS: [Mesher; 2] = [Mesher::Delaunay, Mesher::AdvancingFront];
 struct Row {
     case: Case,
     ours: Median,
-    /// By each of [`MESHERS`]; none where no setting reaches the accuracy.
+    /// Setting and time with each of [`MESHERS`]; `None` if no setting reaches the accuracy.
     peers: [Option<(Value, Median)>; 2],
 }
 
-/// The median time of some runs, s, and the error of each of them, which is the same.
+/// Median time of some runs, s, and their error, which is the same for all.
 struct Median {
     wall_s: f64,
     error: f64,
 }
 
-/// The table.
+/// Table of all cases.
 pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<String> {
     bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
     let mut rows = Vec::new();
@@ -93,7 +93,7 @@ fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
     })
 }
 
-/// Ours, as users call it.
+/// One run of palpate, as a user calls it.
 fn once(bench: &PeerBench<'_>, case: &Case) -> Result<PeerResult> {
     let current = case.current_a().to_string();
     let mut command = vec![&*bench.palpate, "field", "solve", case.name, "--json"];
@@ -104,7 +104,7 @@ fn once(bench: &PeerBench<'_>, case: &Case) -> Result<PeerResult> {
     ours(case, &serde_json::from_str(&printed)?, &usage)
 }
 
-/// A setting of the deck and what came of it.
+/// A setting of the deck with its result.
 #[derive(Clone)]
 struct Tried {
     setting: Value,
@@ -112,14 +112,14 @@ struct Tried {
     core_mean_t: f64,
 }
 
-/// The quickest setting within [`EQUAL`] of the truth.
+/// Quickest setting within [`EQUAL`] of the truth.
 fn choose(bench: &PeerBench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Result<Option<Value>> {
     let good = |tried: &Tried| (tried.core_mean_t / truth - 1.0).abs() <= EQUAL;
     let mut tried = deck(bench, case, &settings(case, mesher))?;
     tried.retain(good);
     tried.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
     tried.truncate(SHORTLIST);
-    // Once more, several times, on one core and on two.
+    // Repeated several times, on one core and on two.
     let again: Vec<Value> = tried
         .iter()
         .flat_map(|tried| [1, 2].map(|threads| with(&tried.setting, "threads", threads)))
@@ -144,14 +144,14 @@ fn with(setting: &Value, key: &str, value: u32) -> Value {
     setting
 }
 
-/// Sizes in mm from which one is chosen.
+/// Candidate settings, sizes in mm.
 fn settings(case: &Case, mesher: Mesher) -> Vec<Value> {
     let plates: &[f64] = if case.plates.is_empty() {
         &[1.0]
     } else {
         &[0.3, 1.0]
     };
-    // With saturation quartic elements take longer for the same.
+    // With saturation, quartic elements take longer for the same accuracy.
     let orders: &[u32] = if case.saturates { &[3] } else { &[3, 4] };
     let mut all = Vec::new();
     for order in orders {
@@ -172,7 +172,7 @@ fn settings(case: &Case, mesher: Mesher) -> Vec<Value> {
     all
 }
 
-/// The deck with some settings.
+/// Runs the deck with these settings.
 fn deck(bench: &PeerBench<'_>, case: &Case, settings: &[Value]) -> Result<Vec<Tried>> {
     let mut problem = case.json(&[]);
     problem["settings"] = json!(settings);
@@ -193,7 +193,7 @@ fn deck(bench: &PeerBench<'_>, case: &Case, settings: &[Value]) -> Result<Vec<Tr
     results.map(read).collect()
 }
 
-/// Of runs by time and error.
+/// Median of runs, given by time and error.
 fn median(runs: &[(f64, f64)]) -> Option<Median> {
     let mut runs = runs.to_vec();
     runs.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -202,7 +202,7 @@ fn median(runs: &[(f64, f64)]) -> Option<Median> {
 }
 
 impl Row {
-    /// Its line of the table.
+    /// Its row of the table.
     fn line(&self) -> String {
         let peer = |peer: &Option<(Value, Median)>| match peer {
             Some((_, median)) => format!(

@@ -1,6 +1,6 @@
-//! The field solver beside two others: NGSolve from the Python package index, GetDP with Gmsh from
-//! Debian. `cargo xtask field-peers` installs them, writes their decks, runs all three on every named
-//! case and writes `docs/evidence/field-peers.md`. Not part of the gate.
+//! The field solver against two others: NGSolve from the Python package index, and GetDP with Gmsh
+//! from Debian. `cargo xtask field-peers` installs them, writes their decks, runs all three on
+//! every named case and writes `docs/evidence/field-peers.md`. It is not part of the gate.
 
 mod cases;
 mod lean;
@@ -17,22 +17,22 @@ use crate::process::{Invocation, Workspace};
 use crate::tool;
 use cases::{CASES, Case};
 
-/// Where decks and results lie, below the workspace.
+/// Folder of decks and results, in the workspace.
 const FOLDER: &str = "target/field-peers";
-/// The version of NGSolve that is installed, so that figures can be had again.
+/// Installed version of NGSolve, so that the figures can be reproduced.
 const NGSOLVE: &str = "ngsolve==6.2.2608";
 /// Sizes of triangles about the core, mm, coarse to fine.
 const NGSOLVE_SIZES: [f64; 5] = [8.0, 4.0, 2.0, 1.0, 0.5];
 const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
 /// Meshes are graded towards plates.
 const GETDP_SIZES_WITH_PLATES: [f64; 3] = [0.8, 0.4, 0.2];
-/// Newton's method, damped, takes dozens of solutions on each; 0.2 takes six minutes.
+/// The damped Newton method takes dozens of solutions on each; size 0.2 takes six minutes.
 const GETDP_SIZES_SATURATING: [f64; 2] = [0.8, 0.4];
 
-/// What "equal error" means: relative, of the mean field in the core.
+/// Relative error of the mean field in the core that counts as "equal error".
 const EQUAL: f64 = 1e-4;
 
-/// What a program found on one mesh.
+/// Result of a program on one mesh.
 #[derive(Debug, Clone, Copy, Default)]
 struct PeerResult {
     unknowns: f64,
@@ -43,7 +43,7 @@ struct PeerResult {
     inductance_h: f64,
 }
 
-/// What a command took.
+/// Cost of a command.
 struct Usage {
     wall_s: f64,
     peak_mb: f64,
@@ -53,14 +53,14 @@ struct Usage {
 struct Compared {
     case: Case,
     ours: PeerResult,
-    /// Ours at 3e-6 by elements of fourth order.
+    /// Result of palpate at 3e-6 with fourth-order elements.
     truth: PeerResult,
     ngsolve: Vec<PeerResult>,
     getdp: Vec<PeerResult>,
 }
 
-/// Runs everything and writes the page; or one case, or the times beside the leanest deck alone, and prints
-/// them.
+/// Runs everything and writes the page; or runs one case, or only the comparison with the fastest
+/// deck, and prints the result.
 pub(crate) fn compare(
     workspace: &Workspace,
     python: Option<PathBuf>,
@@ -103,10 +103,10 @@ fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result
     Ok(format!("{}\n{lean}", page::render(&rows)))
 }
 
-/// Tools from Debian.
+/// Installs tools from Debian.
 fn install_tools(workspace: &Workspace, tools: &[&str]) -> Result<()> {
     let there = |tool: &&str| {
-        // Not by running them: GetDP tells its version and fails.
+        // Running them is no test: GetDP prints its version and fails.
         let asked = Invocation::new("which", &[tool]);
         workspace.succeeds(&asked)
     };
@@ -119,7 +119,7 @@ fn install_tools(workspace: &Workspace, tools: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// A virtual environment with NGSolve.
+/// Creates a virtual environment with NGSolve.
 fn install_ngsolve(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
     let environment = folder.join("venv");
     let python = environment.join("bin/python");
@@ -140,7 +140,7 @@ fn text(path: &Path) -> Result<String> {
     Ok(text.to_owned())
 }
 
-/// Everything that a comparison needs.
+/// Context of a comparison.
 struct PeerBench<'w> {
     workspace: &'w Workspace,
     python: String,
@@ -149,7 +149,7 @@ struct PeerBench<'w> {
 }
 
 impl<'w> PeerBench<'w> {
-    /// Installs what is missing, these tools of Debian among it.
+    /// Installs missing programs, including these tools from Debian.
     fn prepare(workspace: &'w Workspace, python: Option<PathBuf>, tools: &[&str]) -> Result<Self> {
         let folder = workspace.root().join(FOLDER);
         fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
@@ -186,7 +186,7 @@ impl PeerBench<'_> {
         self::text(&path)
     }
 
-    /// Runs a command under `measure.py`: what it printed, its time and memory.
+    /// Runs a command under `measure.py`; returns its output, time and memory.
     fn measured(&self, command: &[&str]) -> Result<(String, Usage)> {
         let script = text(&self.folder.join("measure.py"))?;
         let mut arguments = vec![script.as_str()];
@@ -206,8 +206,8 @@ impl PeerBench<'_> {
         Ok((printed.to_owned(), usage))
     }
 
-    /// Ours, with the start of the program; the best of three. With saturation the solution per
-    /// ampere, which the tool makes too, is in the time.
+    /// Best of three runs of palpate, including the program's start. With saturation, the time
+    /// includes the solution per ampere, which the tool also computes.
     fn palpate(&self, case: &Case, more: &[&str]) -> Result<PeerResult> {
         let current = case.current_a().to_string();
         let mut command = vec![&*self.palpate, "field", "solve", case.name, "--json"];
@@ -298,7 +298,7 @@ impl PeerBench<'_> {
             centre_t: -*centre
                 .get(centre.len().wrapping_sub(2))
                 .context("no field")?,
-            // GetDP leaves out 2 pi.
+            // GetDP omits the factor 2 pi.
             inductance_h: std::f64::consts::TAU * linkage / case.current_a(),
         })
     }

@@ -79,7 +79,7 @@ pub(super) fn render(rows: &[Compared]) -> String {
     text
 }
 
-/// The first from which on all are within [`EQUAL`].
+/// First result from which on all are within [`EQUAL`].
 fn good_enough(found: &[PeerResult], truth: f64) -> Option<&PeerResult> {
     let near = |found: &&PeerResult| (found.core_mean_t / truth - 1.0).abs() <= EQUAL;
     found.iter().rev().take_while(near).last()

@@ -1,5 +1,5 @@
-//! Decks for Gmsh and GetDP: hierarchical elements of second order, the exterior in a shell that reaches to
-//! infinity (`VolAxiSquSphShell`).
+//! Decks for Gmsh and GetDP: hierarchical second-order elements, with the exterior in a shell that
+//! extends to infinity (`VolAxiSquSphShell`).
 
 use std::fmt::Write;
 
@@ -8,12 +8,12 @@ use super::cases::{
     SATURATION_A_PER_M, Section,
 };
 
-/// The shell's outer radius over its inner one.
+/// Ratio of the shell's outer to its inner radius.
 const SHELL: f64 = 1.3;
-/// Lengths are in mm, faces are found by boxes that are so much larger.
+/// Margin of the boxes that find faces, mm.
 const SLACK: f64 = 0.01;
 
-/// The geometry with triangles of the size `h` in the core, mm.
+/// Geometry with triangles of the size `h` in the core, mm.
 pub(super) fn geometry(case: &Case, h: f64) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
     writeln!(
@@ -122,7 +122,7 @@ fn disc(text: &mut String, tools: &mut Vec<String>, across: f64, along: f64) -> 
     Ok(())
 }
 
-/// A list of the faces that lie in some rectangles.
+/// A list of the faces within some rectangles.
 fn group(text: &mut String, name: &str, sections: &[Section]) -> std::fmt::Result {
     writeln!(text, "{name}() = {{}};")?;
     for section in sections {
@@ -139,7 +139,7 @@ fn group(text: &mut String, name: &str, sections: &[Section]) -> std::fmt::Resul
     Ok(())
 }
 
-/// The problem on that geometry; prints its sums into files.
+/// Problem on that geometry; prints its integrals into files.
 pub(super) fn problem(case: &Case) -> String {
     let current = case.current_a();
     let elastomer = if matches!(case.body, Body::None) {
@@ -198,11 +198,11 @@ pub(super) fn problem(case: &Case) -> String {
 }
 
 const NEWTON: &str = "    Integral { JacNL [ bend[{d a}] * Dof{d a}, {d a} ]; In Bent; Jacobian Vol; Integration Gauss; }\n";
-/// Damped: the permalloy's law is too steep for whole steps.
+/// Damped: full Newton steps fail on permalloy's steep law.
 const ITERATION: &str =
     "InitSolution[S]; IterativeLoop[200, 1e-7, 0.3] { GenerateJac[S]; SolveJac[S]; }";
 
-/// Reluctivities that depend on B, and what Newton's method wants of them.
+/// Field-dependent reluctivities, with the derivatives that Newton's method needs.
 fn saturating() -> String {
     let chi = MSE_MU - 1.0;
     let saturation = 4e-7 * std::f64::consts::PI * SATURATION_A_PER_M;

@@ -1,4 +1,4 @@
-//! The firmware's image: built anywhere, measured against its budget, written for flash tools.
+//! The firmware image: built anywhere, checked against its size budget, written for flash tools.
 
 mod panics;
 mod planted;
@@ -21,11 +21,11 @@ pub(crate) use size::check as check_size;
 
 const PACKAGE: &str = "palpate-firmware";
 const PROFILE: &str = "firmware";
-/// Where the files for flash tools and for `palpate --image` are written, in the workspace.
+/// Folder of the files for flash tools and for `palpate --image`, in the workspace.
 const FOLDER: &str = "target/image";
 const NAME: &str = "palpate-pico";
 
-/// Builds the image, writes ELF and UF2, and prints what it takes.
+/// Builds the image, writes ELF and UF2, and prints its size.
 pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     let image = build(workspace)?;
     write(&image, &workspace.root().join(FOLDER))?;
@@ -35,8 +35,8 @@ pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     Ok(())
 }
 
-/// Builds the image with further arguments of cargo, writes ELF and UF2 into a folder, and returns the ELF's
-/// path.
+/// Builds the image with additional cargo arguments, writes ELF and UF2 into a folder, and returns
+/// the ELF's path.
 pub(crate) fn build_for_release(
     workspace: &Workspace,
     arguments: &[String],
@@ -59,7 +59,7 @@ fn write(image: &Path, folder: &Path) -> Result<PathBuf> {
     Ok(elf)
 }
 
-/// Builds the image with a defect of `firmware/planted-defects.toml` and prints its path alone.
+/// Builds the image with a defect of `firmware/planted-defects.toml` and prints only its path.
 pub(crate) fn make_planted(workspace: &Workspace, defect: &str) -> Result<()> {
     println!("{}", planted::image(workspace, defect)?.display());
     Ok(())
@@ -81,7 +81,7 @@ pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     build_with(workspace, &[])
 }
 
-/// Builds the image with further arguments of cargo, and returns its path.
+/// Builds the image with additional cargo arguments, and returns its path.
 fn build_with(workspace: &Workspace, further: &[String]) -> Result<PathBuf> {
     Need::Target(FIRMWARE_TARGET).provide(workspace)?;
     let mut arguments = vec![

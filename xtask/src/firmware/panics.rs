@@ -1,8 +1,8 @@
-//! Which parts of the image can reach a panic: exactly those of a list, each for a reason.
+//! Parts of the image that can reach a panic: exactly those of a list, each with a reason.
 //!
-//! The machinery of panics is in `core`. What calls it is found in the image's code, by the branches
-//! of a processor of the ARMv6-M architecture. The positive control is the image with a planted panic:
-//! it has to hold one more.
+//! The panic machinery is in `core`. Its callers are found by the branches in the image's code
+//! (ARMv6-M architecture). The positive control is the image with a planted panic: it must contain
+//! one more.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -14,8 +14,8 @@ use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 use super::{build, planted};
 use crate::process::Workspace;
 
-/// What may reach a panic: a crate, or an interrupt into which crates were inlined; and why. All but
-/// the last are libraries, whose checks hold by construction.
+/// Parts that may reach a panic: a crate, or an interrupt into which crates were inlined; each with
+/// its reason. All but the last are libraries, whose checks hold by construction.
 const ALLOWED: &[(&str, &str)] = &[
     (
         "SW0_IRQ",
@@ -57,11 +57,11 @@ const ALLOWED: &[(&str, &str)] = &[
 ];
 
 /// The compiler's check of a future that is polled after its end, which neither an await nor RTIC's
-/// executor does. It may be folded into another function whose code is the same.
+/// executor does. It may be folded into another function with identical code.
 const OF_FUTURES: &str = "panic_const_async_fn_resumed";
 const FOLDED_INTO: &str = "panic_for_nonpositive_argument";
 
-/// The check of the step `image-panics`.
+/// Runs the check of the step `image-panics`.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let found = panicking(&build(workspace)?)?;
     let allowed: BTreeSet<&str> = ALLOWED.iter().map(|(name, _)| *name).collect();
@@ -91,7 +91,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
         );
     }
     let with_panic = panicking(&planted::image(workspace, "panic")?)?;
-    // It may be inlined into a function that is known: then there is one more call in it.
+    // If it is inlined into a known function, that function has one more call.
     let is_known = |(part, functions): (&String, &Calls)| {
         let known = found.get(part);
         functions
@@ -107,10 +107,10 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     ))
 }
 
-/// Functions, and how often each calls the panic machinery.
+/// Functions, with the number of calls of the panic machinery in each.
 type Calls = BTreeMap<String, usize>;
 
-/// The parts of an image that call the panic machinery, each with the functions that do.
+/// Parts of an image that call the panic machinery, each with its calling functions.
 fn panicking(image: &Path) -> Result<BTreeMap<String, Calls>> {
     let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
     let elf = object::File::parse(&*bytes).context("the image is no ELF file")?;
@@ -138,23 +138,23 @@ fn panicking(image: &Path) -> Result<BTreeMap<String, Calls>> {
     Ok(found)
 }
 
-/// The functions with name and size, by their addresses.
+/// Functions with name and size, by address.
 fn functions(elf: &object::File<'_>) -> BTreeMap<u64, (String, u64)> {
     elf.symbols()
         .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
         .filter_map(|symbol| {
             let name = symbol.name().ok()?;
-            // A thunk stands for what it leads to.
+            // A thunk counts as its target.
             let name = name.strip_prefix("__Thumbv6MABSLongThunk_").unwrap_or(name);
             let name = format!("{:#}", rustc_demangle::demangle(name));
-            // The lowest bit says that it is Thumb code.
+            // The lowest bit marks Thumb code.
             Some((symbol.address() & !1, (name, symbol.size())))
         })
         .collect()
 }
 
-/// Places and targets of the branches in code, with link and without (ARMv6-M architecture, A6.7.10
-/// and A6.7.13).
+/// Addresses and targets of the branches in code, with and without link (ARMv6-M architecture,
+/// A6.7.10 and A6.7.13).
 fn branches(start: u64, code: &[u8]) -> impl Iterator<Item = (u64, u64)> + '_ {
     let half = |at: usize| Some(u16::from_le_bytes([*code.get(at)?, *code.get(at + 1)?]));
     (0..code.len()).step_by(2).filter_map(move |at| {
@@ -170,7 +170,7 @@ fn branches(start: u64, code: &[u8]) -> impl Iterator<Item = (u64, u64)> + '_ {
     })
 }
 
-/// How far a branch with link goes; nothing if the two halves are none.
+/// Offset of a branch with link; `None` if the two halves are not one.
 fn with_link(first: u16, second: u16) -> Option<i64> {
     let bit = |of: u16, number: u16| i64::from(of >> number & 1);
     let sign = bit(first, 10);
@@ -183,7 +183,7 @@ fn with_link(first: u16, second: u16) -> Option<i64> {
     (second & 0xD000 == 0xD000).then_some(offset)
 }
 
-/// Whether a function is one of `core` that ends in a panic. Not that of futures.
+/// Whether a function of `core` ends in a panic, except that of futures.
 fn is_machinery(name: &str) -> bool {
     let last = name.rsplit("::").next().unwrap_or(name);
     let panics = name.contains("panicking::")
@@ -196,8 +196,8 @@ fn is_of_core(name: &str) -> bool {
     name.starts_with("core::")
 }
 
-/// The crate of a function, by its path: that of the type where it is an implementation. An
-/// interrupt's name is its own.
+/// Crate of a function, by its path; for an implementation that of the type. An interrupt's name
+/// stands for itself.
 fn part(name: &str) -> String {
     let path = name.trim_start_matches(['<', '&', '*']);
     let path = path

@@ -1,8 +1,8 @@
-//! Images with a planted defect, for tests of the tests.
+//! Images with a planted defect, to test the tests.
 //!
-//! All are built from one copy of the workspace, in which each defect is planted in turn. Their
-//! own folders would not do: cargo takes a package of another workspace with the same path in it
-//! for the same, and judges by the files' times alone.
+//! All are built from one copy of the workspace, in which each defect is planted in turn. Separate
+//! folders do not work: cargo takes a package with the same path in another workspace for the same
+//! package, and compares only the files' times.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -13,13 +13,13 @@ use super::{build, build_with};
 use crate::planted;
 use crate::process::Workspace;
 
-/// The list.
+/// List of the defects.
 pub(crate) const DEFECTS: &str = "firmware/planted-defects.toml";
-/// Where the copy, what is built of it, and the images lie, in the workspace.
+/// Folder of the copy, its build and the images, in the workspace.
 const FOLDER: &str = "target/planted";
 
-/// Builds the image with a defect, and returns its path. One that is newer than the list and the
-/// image without a defect is taken as it is.
+/// Builds the image with a defect, and returns its path. An image that is newer than the list and
+/// the image without a defect is reused.
 pub(crate) fn image(workspace: &Workspace, defect: &str) -> Result<PathBuf> {
     let list = workspace.root().join(DEFECTS);
     let mut patches = planted::list(workspace, DEFECTS)?;
@@ -29,7 +29,7 @@ pub(crate) fn image(workspace: &Workspace, defect: &str) -> Result<PathBuf> {
     }
     let folder = workspace.root().join(FOLDER);
     fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
-    // Tests ask for several images at the same time. Unlocked when it is closed.
+    // Tests request several images at the same time. The lock is released when the file is closed.
     let lock = File::create(folder.join("lock")).context("the lock could not be created")?;
     lock.lock().context("the copy could not be locked")?;
     let kept = folder.join(format!("{defect}.elf"));

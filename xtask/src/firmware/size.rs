@@ -1,4 +1,4 @@
-//! What the image takes of flash and memory, against its budget.
+//! Flash and memory of the image, against their budget.
 
 use std::fs;
 
@@ -10,7 +10,7 @@ use crate::process::Workspace;
 
 const BUDGET: &str = "firmware/size-budget.toml";
 
-/// Bytes that the image takes, in the order of the budget's file.
+/// Bytes used by the image, in the order of the budget's file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taken {
     flash: u64,
@@ -53,7 +53,7 @@ impl Taken {
     }
 }
 
-/// Builds the image and holds it against its budget; returns a table.
+/// Builds the image and checks it against its budget; returns a table.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let image = build(workspace)?;
     let bytes = fs::read(&image).with_context(|| format!("{} cannot be read", image.display()))?;

@@ -1,4 +1,4 @@
-//! UF2: what a Raspberry Pi Pico takes as a file (github.com/microsoft/uf2, "UF2 format").
+//! UF2: the file format that a Raspberry Pi Pico accepts (github.com/microsoft/uf2, "UF2 format").
 
 use std::collections::BTreeMap;
 
@@ -9,14 +9,14 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 const START: [u32; 2] = [0x0A32_4655, 0x9E5D_5157];
 const END: u32 = 0x0AB1_6F30;
 const FAMILY_PRESENT: u32 = 0x2000;
-/// RP2040.
+/// Family ID of the RP2040.
 const FAMILY: u32 = 0xE48B_FF56;
-/// Bytes of a block, and of its payload: a page of the flash.
+/// Bytes of a block; below, of its payload: a page of the flash.
 const BLOCK: usize = 512;
 const PAGE: u32 = 256;
 const FLASH: core::ops::Range<u32> = 0x1000_0000..0x1020_0000;
 
-/// The UF2 file of an ELF file: its segments at their physical addresses, page by page.
+/// Converts an ELF file to UF2: its segments at their physical addresses, page by page.
 pub(super) fn convert(elf: &[u8]) -> Result<Vec<u8>> {
     let pages = pages(elf)?;
     let count = u32::try_from(pages.len())?;
@@ -70,8 +70,8 @@ fn pages(bytes: &[u8]) -> Result<BTreeMap<u32, Page>> {
     Ok(pages)
 }
 
-/// Adds the pages between the first and the last that have nothing: the boot ROM may leave out a sector that is
-/// written in part, unless it is the last (erratum RP2040-E14).
+/// Adds the empty pages between the first and the last one: the boot ROM may skip a sector that is
+/// only partly written, unless it is the last (erratum RP2040-E14).
 fn fill_gaps(pages: &mut BTreeMap<u32, Page>) {
     let ends = pages.first_key_value().zip(pages.last_key_value());
     let Some(((&first, _), (&last, _))) = ends else {

@@ -1,5 +1,5 @@
 //! The campaign `planted-defects`: plants each defect of the tests' list and runs the tests that
-//! have to find it.
+//! must find it.
 
 use std::fmt::Write as _;
 
@@ -9,13 +9,13 @@ use super::{Patch, copy, list};
 use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
 
-/// The list.
+/// List of the defects.
 pub(super) const LIST: &str = "tests/planted-defects.toml";
-/// Where the copy lies, and what is built of it.
+/// Folder of the copy; below, of its build.
 const SOURCE: &str = "target/planted-defects/source";
 const BUILD: &str = "target/planted-defects/build";
 
-/// Tries every defect and prints which tests found it; fails if one is not found.
+/// Tries every defect and prints the tests that found it; fails if one is not found.
 pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     let mut text = String::from("| planted defect | found by | red tests |\n|---|---|---|\n");
     let mut missed = Vec::new();
@@ -49,7 +49,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     bail!("no test found: {}", missed.join(", "))
 }
 
-/// Plants a defect and tests. The names of the tests that failed.
+/// Plants a defect and runs its tests; returns the names of the failed tests.
 fn try_out(workspace: &Workspace, defect: &Patch) -> Result<Vec<String>> {
     let folder = workspace.root().join(SOURCE);
     copy(workspace, std::slice::from_ref(defect), &folder)?;
@@ -66,7 +66,7 @@ fn try_out(workspace: &Workspace, defect: &Patch) -> Result<Vec<String>> {
         .map(str::to_owned)
         .collect();
     if red.is_empty() && !output.status.success() {
-        // Not even compiled: the defect proves nothing about the tests.
+        // It did not compile: the defect shows nothing about the tests.
         let said = String::from_utf8_lossy(&output.stderr);
         bail!("{}: {said}", defect.name);
     }

@@ -1,9 +1,9 @@
 //! Tests of the tests: defects that are planted into a copy of the sources.
 //!
-//! A list of defects is a TOML file of patches: each replaces a text that stands exactly once in a
-//! file. Two lists: `tests/planted-defects.toml`, each of whose defects has to turn the named tests
-//! red ([`campaign`]), and `firmware/planted-defects.toml`, with which images are built for tests
-//! that have to see them ([`crate::firmware`]).
+//! A list of defects is a TOML file of patches; each replaces a text that occurs exactly once in a
+//! file. There are two lists: `tests/planted-defects.toml`, whose defects must make the named tests
+//! fail ([`campaign`]), and `firmware/planted-defects.toml`, from which images are built for tests
+//! that must detect them ([`crate::firmware`]).
 
 mod campaign;
 
@@ -19,24 +19,24 @@ use crate::repository;
 
 pub(crate) use campaign::run as run_campaign;
 
-/// A text to be replaced. All of one name are one defect.
+/// A text to replace. All patches of one name form one defect.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Patch {
-    /// What is wrong, in words or as a name.
+    /// Description or name of the defect.
     pub(crate) name: String,
     /// The source file, from the root of the workspace.
     file: String,
-    /// Text that stands there exactly once.
+    /// Text that occurs exactly once.
     find: String,
-    /// What stands there instead.
+    /// Replacement.
     replace: String,
-    /// Arguments of `cargo test` that have to end in failing tests, in the tests' own list.
+    /// Arguments of `cargo test` that must end in failing tests, in the tests' list.
     #[serde(default)]
     test: Vec<String>,
 }
 
-/// A list as its file has it.
+/// A list, as in its file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct List {
@@ -53,7 +53,7 @@ pub(crate) fn list(workspace: &Workspace, file: &str) -> Result<Vec<Patch>> {
 }
 
 impl Patch {
-    /// The source with this patch.
+    /// Source with this patch applied.
     fn apply(&self, source: &str) -> Result<String> {
         match source.matches(&self.find).count() {
             1 => Ok(source.replace(&self.find, &self.replace)),
@@ -67,8 +67,8 @@ impl Patch {
     }
 }
 
-/// Makes `copy` the workspace as git tracks it or would track it, but for the patches. A file that
-/// is right already is left alone, so that cargo builds what has changed only.
+/// Makes `copy` equal to the workspace as git tracks it or would track it, except for the patches.
+/// Unchanged files are left alone, so cargo builds only the changed ones.
 pub(crate) fn copy(workspace: &Workspace, patches: &[Patch], copy: &Path) -> Result<()> {
     let mut patched = BTreeMap::new();
     for patch in patches {
@@ -80,7 +80,7 @@ pub(crate) fn copy(workspace: &Workspace, patches: &[Patch], copy: &Path) -> Res
         patched.insert(patch.file.as_str(), patch.apply(&source)?);
     }
     let files = repository::files(workspace)?;
-    // What git lists and is deleted is not there to be copied.
+    // Files that git lists but that are deleted cannot be copied.
     let files: BTreeSet<&str> = files
         .iter()
         .map(String::as_str)
@@ -107,7 +107,7 @@ pub(crate) fn copy(workspace: &Workspace, patches: &[Patch], copy: &Path) -> Res
     prune(copy, copy, &files)
 }
 
-/// Removes what is in a folder of the copy and not in the list.
+/// Removes files of a folder of the copy that are not in the list.
 fn prune(copy: &Path, folder: &Path, files: &BTreeSet<&str>) -> Result<()> {
     let unreadable = || format!("{} cannot be read", folder.display());
     for entry in fs::read_dir(folder).with_context(unreadable)? {
@@ -178,7 +178,7 @@ mod tests {
         fs::remove_dir_all(&folder).unwrap();
     }
 
-    /// The files of a defect with its patches differ from the sources, and every patch fits.
+    /// Checks that the defect's patches fit, and change their files.
     fn check_plantable(file: &str) -> Vec<Patch> {
         let workspace = Workspace::find(None).unwrap();
         let patches = list(&workspace, file).unwrap();

@@ -1,5 +1,4 @@
-//! A `.tar.gz` that depends on nothing but the files: in the order of their names, with one time and no
-//! user.
+//! A `.tar.gz` that depends only on the files: in order of their names, with one time and no user.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -8,11 +7,11 @@ use anyhow::{Context, Result};
 use flate2::{Compression, GzBuilder};
 use tar::{Builder, EntryType, Header};
 
-/// Modes of files that are read, and of those that are run.
+/// Modes of plain files and of programs.
 const READ: u32 = 0o644;
 const RUN: u32 = 0o755;
 
-/// Writes a folder into an archive, in which it has a name. All its files are of one time, s since 1970.
+/// Writes a folder into an archive, under a name. All files get the same time, s since 1970.
 pub(super) fn write(folder: &Path, name: &str, time_s: u64, archive: &Path) -> Result<()> {
     let cannot = || format!("{} cannot be written", archive.display());
     let file = File::create(archive).with_context(cannot)?;
@@ -54,7 +53,7 @@ fn append<W: std::io::Write>(
         .with_context(cannot)
 }
 
-/// Only the tool is run: the systems that keep a mode and those that do not give the same archive.
+/// Only the tool is a program: systems with and without file modes then give the same archive.
 fn is_program(name: &Path) -> bool {
     name.file_stem().is_some_and(|stem| stem == "palpate")
         && name
@@ -62,7 +61,7 @@ fn is_program(name: &Path) -> bool {
             .is_some_and(|folder| folder.components().count() == 1)
 }
 
-/// What is in a folder, in the order of its names.
+/// Entries of a folder, in order of their names.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     let cannot = || format!("{} cannot be read", folder.display());
     let entries = fs::read_dir(folder).with_context(cannot)?;
@@ -80,7 +79,7 @@ mod tests {
 
     use std::time::{Duration, SystemTime};
 
-    /// Files in a folder of their own, with the time at which they were changed.
+    /// Files in their own folder, with this modification time.
     fn folder(name: &str, changed: SystemTime) -> PathBuf {
         let folder = std::env::temp_dir().join(format!("{name}-{}", std::process::id()));
         fs::create_dir_all(folder.join("man")).unwrap();

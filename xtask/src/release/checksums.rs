@@ -11,14 +11,14 @@ use super::archive::entries;
 
 const FILE: &str = "SHA256SUMS";
 
-/// Writes the checksums of all files of a folder into it.
+/// Writes the checksums of all files in a folder into that folder.
 pub(super) fn write_for_folder(folder: &Path) -> Result<()> {
     let files = files(folder)?;
     let files: Vec<_> = files.iter().map(PathBuf::as_path).collect();
     write_for_files(folder, &files)
 }
 
-/// Writes the checksums of files that lie in a folder or below into it.
+/// Writes the checksums of files in or below a folder into that folder.
 pub(super) fn write_for_files(folder: &Path, files: &[&Path]) -> Result<()> {
     let mut lines = String::new();
     for file in files {
@@ -27,7 +27,7 @@ pub(super) fn write_for_files(folder: &Path, files: &[&Path]) -> Result<()> {
         let name = file
             .strip_prefix(folder)
             .context("a file lies in its folder")?;
-        // As on every system: the archive is the same.
+        // With slashes on every system, so that the archive is the same.
         let name = name.to_string_lossy().replace('\\', "/");
         writeln!(lines, "{}  {name}", checksum(&contents))?;
     }

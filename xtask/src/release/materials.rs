@@ -1,4 +1,4 @@
-//! What is in a release from elsewhere: bills of materials (CycloneDX), and licences with their texts.
+//! Third-party content of a release: bills of materials (CycloneDX), and licences with their texts.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::members::FIRMWARE_TARGET;
 use crate::process::{Invocation, Workspace};
 
-/// Name of a bill of materials where the tool leaves it, beside each manifest.
+/// Name of a bill of materials, which the tool writes beside each manifest.
 const BILL: &str = "bill-of-materials";
 
 /// A program of the release.
@@ -19,11 +19,11 @@ struct Program<'a> {
     /// Its package and its manifest.
     package: &'a str,
     manifest: &'a str,
-    /// What it is built for.
+    /// Target of the build.
     target: &'a str,
 }
 
-/// What `cargo metadata --no-deps` prints.
+/// Output of `cargo metadata --no-deps`.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,
@@ -35,8 +35,8 @@ struct Package {
     manifest_path: std::path::PathBuf,
 }
 
-/// Writes both for tool and firmware into the folders `materials` and `licences`. Their time is that of the
-/// commit, s since 1970.
+/// Writes both for tool and firmware into the folders `materials` and `licences`. Their time is
+/// that of the commit, s since 1970.
 pub(super) fn write(
     workspace: &Workspace,
     platform: &str,
@@ -68,8 +68,8 @@ pub(super) fn write(
     Ok(())
 }
 
-/// The bill of materials of a program. The tool writes one beside each manifest of the workspace, with the
-/// workspace's path in it.
+/// Bill of materials of a program. The tool writes one beside each manifest of the workspace, and
+/// includes the workspace's path.
 fn bill(workspace: &Workspace, program: &Program<'_>, time_s: u64) -> Result<String> {
     let arguments = [
         "cyclonedx",
@@ -106,7 +106,7 @@ fn bill(workspace: &Workspace, program: &Program<'_>, time_s: u64) -> Result<Str
     Ok(text.replace(&workspace.root().to_string_lossy().into_owned(), "/palpate"))
 }
 
-/// The licences of everything that a program is made of, as text.
+/// Licences of everything that a program contains, as text.
 fn licence_texts(workspace: &Workspace, program: &Program<'_>) -> Result<String> {
     let arguments = [
         "about",

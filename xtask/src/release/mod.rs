@@ -1,8 +1,8 @@
-//! A release for one platform: the firmware's image, the tool, the licences of what is in them, and their
-//! bill of materials, in one archive with its checksums.
+//! A release for one platform: the firmware image, the tool, the licences of their contents, and
+//! their bill of materials, in one archive with its checksums.
 //!
-//! The same commit gives the same files with the same toolchain on the same platform, wherever the checkout
-//! and cargo's folder lie: paths, times and users of the computer that builds are kept out of them.
+//! The same commit gives the same files with the same toolchain on the same platform, wherever the
+//! checkout and cargo's folder are: paths, times and users of the build computer do not enter.
 
 mod archive;
 mod checksums;
@@ -19,11 +19,11 @@ use crate::firmware;
 use crate::process::{Invocation, Workspace};
 use crate::setup::{self, Need};
 
-/// Where releases are written, in the workspace.
+/// Folder of releases, in the workspace.
 const FOLDER: &str = "target/release-files";
-/// The profile of the tool that is handed out, in the workspace's manifest.
+/// Profile of the released tool, in the workspace's manifest.
 const PROFILE: &str = "distribution";
-/// Shells for which completions are written, each with the name that it gives to the file.
+/// Shells with completions, each with its file name.
 const COMPLETIONS: &[(&str, &str)] = &[
     ("bash", "palpate.bash"),
     ("elvish", "palpate.elv"),
@@ -31,13 +31,13 @@ const COMPLETIONS: &[(&str, &str)] = &[
     ("powershell", "_palpate.ps1"),
     ("zsh", "_palpate"),
 ];
-/// Files and folders that are handed out as they are in the workspace.
+/// Files and folders that are released unchanged.
 const DOCUMENTS: &[&str] = &["CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT", "docs"];
 
 /// Builds everything, and writes the archive and its checksum.
 ///
 /// # Errors
-/// If the sources are changed, something cannot be built, or a tool is missing.
+/// If the sources have uncommitted changes, a build fails, or a tool is missing.
 pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     Need::Tool(&setup::CARGO_ABOUT).provide(workspace)?;
     Need::Tool(&setup::CARGO_CYCLONEDX).provide(workspace)?;
@@ -71,7 +71,7 @@ pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     Ok(())
 }
 
-/// When the commit was made, s since 1970. It stands for the time of everything in the release.
+/// Time of the commit, s since 1970. All files of the release get this time.
 fn commit_time(workspace: &Workspace) -> Result<u64> {
     let status = ["status", "--porcelain", "--untracked-files=no"];
     let changed = workspace.output(&Invocation::new("git", &status))?;
@@ -88,7 +88,7 @@ fn commit_time(workspace: &Workspace) -> Result<u64> {
         .context("git names no time of the commit")
 }
 
-/// Folders whose names are no business of who uses the release: cargo's and the checkout.
+/// Folders whose names must not appear in a release: cargo's and the checkout.
 fn private(workspace: &Workspace) -> Result<[PathBuf; 2]> {
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let cargo = cargo.or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
@@ -96,7 +96,7 @@ fn private(workspace: &Workspace) -> Result<[PathBuf; 2]> {
     Ok([cargo, workspace.root().to_path_buf()])
 }
 
-/// Arguments by which cargo keeps the paths of this computer out of what it builds.
+/// Cargo arguments that keep the paths of this computer out of its output.
 fn without_paths(workspace: &Workspace) -> Result<Vec<String>> {
     let map = |path: &Path, name: &str| {
         let flag = format!("--remap-path-prefix={}={name}", path.display());
@@ -124,14 +124,14 @@ fn build_tool(workspace: &Workspace, flags: &[String]) -> Result<PathBuf> {
     workspace.build(&Invocation::cargo(&arguments))
 }
 
-/// The table by which the tool reads the image's log, for those who have no ELF file.
+/// Writes the table with which the tool decodes the image's log, for users without the ELF file.
 fn write_log_table(workspace: &Workspace, tool: &Path, elf: &Path) -> Result<()> {
     let arguments = ["log-table", &elf.to_string_lossy()];
     let table = workspace.output(&Invocation::new(&tool.to_string_lossy(), &arguments))?;
     write(&elf.with_extension("log.json"), &table)
 }
 
-/// Completions and manual pages, as the tool prints them.
+/// Writes completions and manual pages, as the tool prints them.
 fn write_help(workspace: &Workspace, tool: &Path, folder: &Path) -> Result<()> {
     let tool = tool.to_string_lossy();
     let completions = new_folder(&folder.join("completions"))?;
@@ -147,7 +147,7 @@ fn extension() -> &'static str {
     EXE_SUFFIX.trim_start_matches('.')
 }
 
-/// An empty folder.
+/// Creates an empty folder.
 fn new_folder(path: &Path) -> Result<PathBuf> {
     if path.exists() {
         fs::remove_dir_all(path)

@@ -1,14 +1,15 @@
-//! No path of the computer that builds is in a release: it would not be the same from another folder.
+//! Checks that no path of the build computer is in a release: a build in another folder would
+//! differ.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
-/// Refuses files that name one of some folders.
+/// Refuses files that contain the path of one of some folders.
 ///
 /// # Errors
-/// If one does, or cannot be read.
+/// If a file does, or cannot be read.
 pub(super) fn refuse(files: &[&Path], folders: &[PathBuf]) -> Result<()> {
     for file in files {
         let contents =
