@@ -41,9 +41,7 @@ pub(crate) enum RunsOn {
 /// An example program for a microcontroller.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct McuExample {
-    /// Name of the example.
     pub(crate) name: &'static str,
-    /// Target of the example.
     pub(crate) target: &'static str,
 }
 
@@ -57,7 +55,6 @@ const HOST_PROGRAM: Member = Member {
     mcu_examples: &[],
 };
 
-/// Every crate of the workspace.
 pub(crate) const MEMBERS: &[Member] = &[
     Member {
         name: "coil-hbridge",

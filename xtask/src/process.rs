@@ -182,7 +182,6 @@ impl Invocation {
         self
     }
 
-    /// The arguments.
     pub(crate) fn arguments(&self) -> &[String] {
         &self.arguments
     }

@@ -96,9 +96,7 @@ const QUICK_BUILD: &[(&str, &str)] = &[
 pub(crate) enum Need {
     /// The standard library of a target.
     Target(&'static str),
-    /// A tool.
     Tool(&'static Tool),
-    /// The nightly toolchain.
     Nightly,
 }
 

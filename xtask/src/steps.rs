@@ -13,17 +13,13 @@ use crate::setup::Need;
 pub(crate) struct Step {
     /// Short name: the argument of `--only`, and the line of the summary.
     pub(crate) name: &'static str,
-    /// Purpose.
     pub(crate) purpose: &'static str,
-    /// Prerequisites.
     pub(crate) needs: Vec<Need>,
-    /// Action.
     pub(crate) action: Action,
     /// Remedy after a failure.
     pub(crate) remedy: &'static str,
 }
 
-/// Action of a step.
 #[derive(Debug)]
 pub(crate) enum Action {
     /// Commands, one after the other.
@@ -128,7 +124,6 @@ fn summary(passed: &[Passed], all: usize) -> String {
     text
 }
 
-/// A duration in seconds.
 fn seconds(duration: Duration) -> String {
     format!("{:.1} s", duration.as_secs_f64())
 }

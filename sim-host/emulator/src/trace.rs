@@ -8,7 +8,6 @@ use crate::board::pins::{COIL_SLICE, pin};
 use crate::rp2040::gpio::{Gpio, function};
 use crate::rp2040::pwm::Pwm;
 
-/// Traced signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     Sda,
@@ -66,7 +65,6 @@ impl Signal {
     }
 }
 
-/// Value of a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum SignalValue {
     Level(bool),

@@ -19,9 +19,7 @@ use palpate_node::converter::{
 use super::wiring::clkin_hz;
 use super::{DrivenWorld, Wiring, micros};
 
-/// I2C clock.
 const SCL_HZ: u32 = 400_000;
-/// Addresses of the two converters.
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
 /// Time for which INTB stays low without a known edge until an edge counts as missed.
 const MISSED_EDGE: Time = Time::from_ms(1);

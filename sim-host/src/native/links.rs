@@ -10,7 +10,6 @@ use palpate_node::link::{BYTES_A_TURN, ByteSource, FrameSink, Inbox, Outbox};
 use palpate_procedure::Link;
 use palpate_wire::{Message, Record};
 
-/// All links of a board.
 pub(super) struct Links {
     probe: NativeLink,
     usb: NativeLink,

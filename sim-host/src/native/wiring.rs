@@ -105,7 +105,6 @@ impl Wiring {
         &self.chips
     }
 
-    /// Whether a converter is present.
     pub(super) const fn has(&self, converter: usize) -> bool {
         converter == 0 || self.has_second
     }

@@ -223,7 +223,6 @@ impl Disturbances {
     }
 }
 
-/// Reads a section.
 fn section<'t, T>(
     parent: &mut TableSection<'t>,
     name: &str,

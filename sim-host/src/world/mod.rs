@@ -293,7 +293,6 @@ impl World {
         touching
     }
 
-    /// Present state.
     fn state(&self) -> PlantState {
         match self.states.front() {
             Some(base) if base.time < self.now => self.plant.step(&self.inputs, base, self.now),

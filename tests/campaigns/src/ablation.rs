@@ -108,7 +108,6 @@ impl Variant {
     }
 }
 
-/// A press of one variant.
 struct Ablated {
     variant: Variant,
     press: Press,

@@ -45,7 +45,6 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-/// Results of one design.
 struct AccuracyRow {
     text: [String; 4],
     holds: bool,

@@ -129,7 +129,6 @@ const LOADS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
 /// Number of presses on each load, each with its own size.
 const SIZES: usize = 3;
 
-/// A press with its result.
 struct Press {
     left_out: LeftOut,
     allowance: bool,

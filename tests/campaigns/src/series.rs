@@ -75,7 +75,7 @@ struct Defects {
     ghosts: usize,
     /// Presses and taps that were not detected.
     missed: usize,
-    /// Later refusals for another reason than the lost contact.
+    /// Refusals for another reason than the lost contact, later than `SOON_S` after lift-off.
     refusals: usize,
     /// Objects on the sensor at power on that were not detected within two seconds.
     lying: usize,
@@ -339,7 +339,6 @@ impl Row<'_> {
     }
 }
 
-/// Results of many sensors.
 #[derive(Serialize)]
 struct SeriesResult {
     stack: String,

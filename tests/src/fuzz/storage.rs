@@ -236,14 +236,12 @@ struct Meter {
     has_changed: bool,
 }
 
-/// Error of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Failure {
     /// More operations than any call may take.
     Endless,
     /// An address outside of the flash.
     Misused,
-    /// The power is off.
     PowerCut,
 }
 

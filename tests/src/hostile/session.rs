@@ -60,7 +60,6 @@ impl<'a> HostileSession<'a> {
         }
     }
 
-    /// Executes a move.
     pub(super) fn carry_out(&mut self, of: &Move) -> Result<(), String> {
         match of {
             Move::Raw(link, bytes) => self.write(*link, bytes),

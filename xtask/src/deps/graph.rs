@@ -87,7 +87,6 @@ impl Graph {
         Ok(Self { crates })
     }
 
-    /// Crate of this name.
     pub(super) fn find(&self, name: &str) -> Option<&Crate> {
         self.crates.iter().find(|krate| krate.name == name)
     }

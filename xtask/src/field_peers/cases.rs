@@ -16,15 +16,12 @@ pub(super) struct Section {
 /// Outline of the elastomer.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Body {
-    /// None.
     None,
-    /// A cylinder.
     Cylinder(Section),
     /// A spheroid about the mid-plane, by its semi-axes across and along the axis.
     Spheroid(Span),
 }
 
-/// A named case.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Case {
     pub(super) name: &'static str,
@@ -124,7 +121,6 @@ const fn case(name: &'static str, body: Body, plates: &'static [Section]) -> Cas
     }
 }
 
-/// Every named case.
 pub(super) const CASES: [Case; 13] = [
     case("air", Body::None, &[]),
     case("A", cylinder(30.0, -2.0, 10.28), &[]),

@@ -43,7 +43,6 @@ struct Median {
     error: f64,
 }
 
-/// Table of all cases.
 pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<String> {
     bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
     let mut rows = Vec::new();

@@ -43,7 +43,6 @@ struct List {
     defect: Vec<Patch>,
 }
 
-/// Reads a list.
 pub(crate) fn list(workspace: &Workspace, file: &str) -> Result<Vec<Patch>> {
     let path = workspace.root().join(file);
     let text =

@@ -122,7 +122,6 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         self.first.read(now, ack) & second.unwrap_or(0xFF)
     }
 
-    /// STOP.
     pub(crate) fn stop(&mut self, now: Time) {
         self.first.stop(now);
         if let Some(second) = &mut self.second {

@@ -198,7 +198,6 @@ impl<P: Plant> Wire<P> {
         byte
     }
 
-    /// STOP.
     pub(crate) fn stop(&mut self, now_ps: u64) {
         self.in_transaction = false;
         self.converters.stop(Time::from_ps(now_ps));

@@ -21,7 +21,6 @@ const THRESHOLD: u32 = 0xF << 24;
 /// Depth of the FIFO (4.9.2.4).
 const FIFO_DEPTH: usize = 4;
 
-/// The converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Adc {
     control: u32,
@@ -175,7 +174,6 @@ impl Adc {
         Some(code)
     }
 
-    /// Skips conversions.
     pub(crate) fn skip(&mut self, conversions: u64) {
         self.sampled += conversions;
     }

@@ -18,7 +18,6 @@ const USB_HZ: std::ops::RangeInclusive<f64> = 47.88e6..=48.12e6;
 const FASTEST_HZ: f64 = 200.1e6;
 pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
 
-/// The clock tree.
 #[derive(Clone, Debug)]
 pub(crate) struct Clocks {
     crystal_hz: f64,

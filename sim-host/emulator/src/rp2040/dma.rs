@@ -23,7 +23,6 @@ struct DmaChannel {
     control: u32,
 }
 
-/// The channels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dma {
     channels: [DmaChannel; CHANNELS],

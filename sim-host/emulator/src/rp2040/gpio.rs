@@ -23,7 +23,6 @@ mod pad {
 const EDGE_LOW: u32 = 0b0100;
 const EDGE_HIGH: u32 = 0b1000;
 
-/// The bank of pins.
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     control: [u32; PINS],

@@ -44,7 +44,6 @@ mod cause {
     pub(super) const USER: u32 = 1 << 16;
 }
 
-/// State of the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MasterState {
     /// Idle.
@@ -68,7 +67,6 @@ enum ByteKind {
     Read { acknowledged: bool },
 }
 
-/// The I2C block.
 #[derive(Clone, Debug)]
 pub(crate) struct I2c {
     control: u32,

@@ -79,7 +79,6 @@ impl Interrupts {
         })
     }
 
-    /// Writes a register.
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
         match offset {
             0x100 => self.enabled |= value,

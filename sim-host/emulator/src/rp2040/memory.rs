@@ -70,13 +70,11 @@ impl Memory {
         Self::is_flash(address) || Self::is_ram(address) || address < rom::SIZE
     }
 
-    /// Whether an address is flash.
     #[inline]
     pub(crate) const fn is_flash(address: u32) -> bool {
         matches!(window::of(address), window::CACHED..=window::UNCACHED)
     }
 
-    /// Whether an address is RAM.
     #[inline]
     pub(crate) fn is_ram(address: u32) -> bool {
         (RAM..RAM + RAM_SIZE as u32).contains(&address)
@@ -123,7 +121,6 @@ impl Memory {
         }
     }
 
-    /// A half-word.
     #[inline]
     pub(crate) fn half_word(&self, address: u32) -> u16 {
         u16::from_le_bytes([self.byte(address), self.byte(address + 1)])
@@ -137,7 +134,6 @@ impl Memory {
         self.set_byte(address + 1, high);
     }
 
-    /// A word.
     pub(crate) fn word(&self, address: u32) -> u32 {
         if Self::is_flash(address) {
             return self.flash.word(address & FLASH_MASK);

@@ -56,7 +56,6 @@ impl Private {
         })
     }
 
-    /// Writes a register.
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
         match offset {
             0xED08 => self.ppb.vtor = value & 0xFFFF_FF00,

@@ -257,7 +257,6 @@ impl Pwm {
         }
     }
 
-    /// Resets the block.
     pub(crate) fn reset(&mut self) {
         *self = Self::new(self.sys_hz);
     }

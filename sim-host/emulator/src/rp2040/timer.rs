@@ -28,7 +28,6 @@ impl Timer {
         }
     }
 
-    /// Resets the block.
     pub(crate) fn reset(&mut self, now_ps: u64) {
         *self = Self {
             base_ps: now_ps,

@@ -118,7 +118,6 @@ struct Busy {
     in_sequence: bool,
 }
 
-/// The USB controller block.
 #[derive(Clone, Debug)]
 pub(crate) struct UsbController {
     pub(crate) memory: PacketMemory,
@@ -594,7 +593,6 @@ impl UsbController {
         })
     }
 
-    /// Reads a register.
     pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
         if offset == 0x48 {
             self.latched &= !raised::FRAME;

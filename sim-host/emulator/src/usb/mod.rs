@@ -89,7 +89,6 @@ impl Usb {
         self.controller.line()
     }
 
-    /// Reads a register.
     pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
         self.controller.read(offset)
     }

@@ -17,7 +17,6 @@ const RATE_HZ: f32 = 500.0;
 /// Duration of the second one's failure.
 const FAILS: Time = Time::from_ms(300);
 
-/// Both converters stream.
 fn streaming() -> RecordedBoard {
     streaming_with(0b0001, RATE_HZ)
 }

@@ -12,7 +12,6 @@ use wellen::{SignalValueRef, simple};
 /// Changes of a signal by nanoseconds: levels and bytes as numbers, unknown values as `None`.
 type Changes = Vec<(u64, Option<f64>)>;
 
-/// Reads a dump.
 fn read(dump: Vec<u8>) -> BTreeMap<String, Changes> {
     let mut waveform = simple::read_from_reader(Cursor::new(dump)).expect("it is well-formed");
     let hierarchy = waveform.hierarchy();

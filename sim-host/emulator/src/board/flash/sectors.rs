@@ -56,7 +56,6 @@ impl Sectors {
         u32::from_le_bytes([0, 1, 2, 3].map(|offset| self.byte(address + offset)))
     }
 
-    /// All bytes, in order.
     pub(super) fn bytes(&self) -> impl Iterator<Item = u8> + '_ {
         self.0.iter().flat_map(|cells| cells.iter().copied())
     }
@@ -87,7 +86,6 @@ impl Sectors {
         }
     }
 
-    /// Changes one byte.
     pub(super) fn change_byte(&mut self, address: u32, change: impl FnOnce(u8) -> u8) {
         let offset = address as usize % SECTOR;
         if let Some(cell) = self.sector_mut(address).get_mut(offset) {

@@ -436,7 +436,6 @@ impl<P: Plant> SystemBus<P> {
         self.i2c.write(offset, value, now_ps, &mut self.wire)
     }
 
-    /// Blocks enter reset.
     fn reset_blocks(&mut self, entered: u32) {
         let enters = |block| entered & block != 0;
         if enters(block::I2C0) {

@@ -46,7 +46,6 @@ impl Pipe {
         *self = Self::new(self.endpoint);
     }
 
-    /// Largest packet, bytes.
     pub(super) fn largest(&self) -> usize {
         usize::from(self.endpoint.largest_packet)
     }

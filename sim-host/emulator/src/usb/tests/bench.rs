@@ -33,7 +33,6 @@ pub(super) trait Program {
     fn interrupted(&mut self, bench: &mut UsbTestBench);
 }
 
-/// A program that does nothing.
 pub(super) struct Idle;
 
 impl Program for Idle {
@@ -125,7 +124,6 @@ impl UsbTestBench {
         }
     }
 
-    /// Runs until a condition is true.
     pub(super) fn run_until(
         &mut self,
         program: &mut impl Program,

@@ -27,7 +27,6 @@ fn plugged(data: Data) -> (UsbTestBench, Device) {
     (bench, device)
 }
 
-/// A bench with the device configured.
 fn configured(data: Data) -> (UsbTestBench, Device) {
     let (mut bench, mut device) = plugged(data);
     bench.usb.host.enumerate();

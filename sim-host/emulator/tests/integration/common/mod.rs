@@ -240,7 +240,6 @@ pub(crate) fn board(image: &Image) -> EmulatedBoard<Still> {
     EmulatedBoard::new(image, plant, Settings::default(), recording())
 }
 
-/// A bench with a running stream.
 pub(crate) fn streaming() -> RecordedBoard {
     let mut bench = RecordedBoard::new();
     bench.stream();
@@ -248,7 +247,6 @@ pub(crate) fn streaming() -> RecordedBoard {
     bench
 }
 
-/// Data of a coil.
 pub(crate) fn coil() -> Coil {
     Coil {
         resistance_ohm: 0.5,

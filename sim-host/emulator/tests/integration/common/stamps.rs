@@ -27,7 +27,6 @@ pub(crate) struct Silicon {
 }
 
 impl Silicon {
-    /// All combinations.
     pub(crate) fn all() -> impl Iterator<Item = Self> {
         InterruptRelease::VARIANTS.iter().flat_map(|&release| {
             Overwrite::VARIANTS
@@ -208,7 +207,6 @@ pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
 pub(crate) struct Shared {
     pub(crate) samples: u32,
     pub(crate) marked: u32,
-    /// Lost scans.
     pub(crate) lost: u32,
     /// Unmarked samples whose frequency is not that of their sensor, or whose time is off the grid
     /// of the previous ones.

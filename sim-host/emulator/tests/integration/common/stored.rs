@@ -319,7 +319,6 @@ pub(crate) const fn reboot(target: RebootTarget) -> Command {
     Command::Reboot(Reboot { target })
 }
 
-/// Number of erases.
 pub(crate) fn erases(operations: &[FlashOperation]) -> usize {
     let is_erase = |of: &&FlashOperation| of.kind != FlashOperationKind::ProgramPage;
     operations.iter().filter(is_erase).count()

@@ -5,7 +5,6 @@ use std::ops::Range;
 
 use palpate_emulator::{Profile, Sources};
 
-/// A part of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum FirmwarePart {
     Engine,

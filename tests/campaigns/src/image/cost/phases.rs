@@ -51,7 +51,6 @@ impl Phase {
     }
 }
 
-/// Results of the measurement.
 pub(super) struct Measured {
     /// Phases at a steady rate.
     pub(super) phases: Vec<Phase>,

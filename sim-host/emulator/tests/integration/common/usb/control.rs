@@ -266,7 +266,6 @@ pub(crate) fn outcome(bench: &mut UsbBench, id: TransferId) -> ControlOutcome {
     }
 }
 
-/// A random transfer.
 fn draw(chance: &mut Chance) -> ControlTransfer {
     loop {
         let setup = match chance.below(6) {

@@ -247,7 +247,6 @@ impl UsbBench {
             .expect("the train begins");
     }
 
-    /// Submits a control transfer.
     pub(crate) fn submit(&mut self, transfer: ControlTransfer) -> TransferId {
         self.probe.board.usb_mut().submit(transfer)
     }
