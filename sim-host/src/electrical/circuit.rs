@@ -32,8 +32,8 @@ pub struct CircuitParameters {
 }
 
 impl CircuitParameters {
-    /// A typical bridge: transistors and wires of 70 mΩ, 100 ns of dead time, limit 15 A after 1.5
-    /// µs with a fixed off-time of 20 µs. All values are within the data sheets of integrated 12 V
+    /// A typical bridge: transistors and wires of 70 mΩ, 100 ns of dead time, limit 15 A after
+    /// 1.5 µs with a fixed off-time of 20 µs. All values are within the data sheets of integrated 12 V
     /// bridges; the exact values are a guess. It wakes within 1 ms, the time of gate drivers for
     /// external transistors (DRV8704, SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
     #[must_use]

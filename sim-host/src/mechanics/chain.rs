@@ -266,8 +266,8 @@ impl Chain {
         }
     }
 
-    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so x_L
-    /// + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so
+    /// x_L + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
     fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
         let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
         let series =

@@ -58,8 +58,8 @@ impl LayerParameters {
 /// z₁ = e z₀ + (1 − e) J (F₀ + F₁)/2,  e = exp(−h/τ),
 ///
 /// which is exact for free decay and for constant force. It conserves energy exactly with the
-/// dissipation of [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's rate, 3·10⁻⁵ at h
-/// = 1 ms and τ = 50 ms.
+/// dissipation of [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's rate, 3·10⁻⁵ at
+/// h = 1 ms and τ = 50 ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Response {
     /// Displacement without force, m.

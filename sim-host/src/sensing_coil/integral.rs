@@ -39,10 +39,10 @@ impl CoilIntegral {
         Self::with_panels(design, copper_m, design.inductance_in_air_h(), turns, 2.0)
     }
 
-    /// Adds an object that touches the upper slab, with a plane face of this reflection: (μ − 1)/(μ
-    /// + 1) for a permeable one, by the image method for a half-space, which is valid for faces as
-    /// wide as the coil and as thick as its radius. With MSE on one side, the object is at the gap
-    /// on the coil's other side.
+    /// Adds an object that touches the upper slab, with a plane face of this reflection:
+    /// (μ − 1)/(μ + 1) for a permeable one, by the image method for a half-space, which is valid
+    /// for faces as wide as the coil and as thick as its radius. With MSE on one side, the object
+    /// is at the gap on the coil's other side.
     #[must_use]
     pub fn facing(self, reflection: f64) -> Self {
         Self {

@@ -5,8 +5,8 @@
 //! balance of forces is solved at the end of the step. Between two ends the frequency of the
 //! sensing coil is a cubic, so a converter may read it at any time.
 //!
-//! The result does not depend on how the caller divides time: [`World::advance`] by ten times 0.1
-//! ms or once by 1 ms gives the same bits. Only [`World::set_current`] and the other inputs end a
+//! The result does not depend on how the caller divides time: [`World::advance`] by ten times
+//! 0.1 ms or once by 1 ms gives the same bits. Only [`World::set_current`] and the other inputs end a
 //! step.
 
 mod history;

@@ -1,5 +1,5 @@
-//! Checks descriptors against USB 2.0 chapter 9, the association (engineering change notice of
-//! 2003) and CDC 1.2 with its subclass PSTN 1.2.
+//! Checks descriptors against USB 2.0 chapter 9, the association (engineering change notice
+//! of 2003) and CDC 1.2 with its subclass PSTN 1.2.
 
 use std::fmt;
 

@@ -169,8 +169,8 @@ impl Flash {
         self.sectors.bytes().collect()
     }
 
-    /// Replaces all contents, from the start of the flash; the rest is erased, and bytes beyond 2
-    /// MiB are ignored. Counts and log stay.
+    /// Replaces all contents, from the start of the flash; the rest is erased, and bytes beyond
+    /// 2 MiB are ignored. Counts and log stay.
     pub fn import(&mut self, contents: &[u8]) {
         self.sectors = Sectors::new(contents);
         self.has_changed = true;
