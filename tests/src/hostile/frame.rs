@@ -101,7 +101,7 @@ fn unstuffed(frame: &[u8]) -> Vec<u8> {
 pub struct Damage {
     /// Kind of the damage, below [`DAMAGES`].
     pub kind: u8,
-    /// Location, in 256ths of the frame.
+    /// Location, as a 256th part of the frame.
     pub at: u8,
     /// Data of the damage.
     pub with: u8,

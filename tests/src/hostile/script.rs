@@ -19,7 +19,7 @@ pub enum Move {
     Damaged(Link, Addressee, u8, Vec<u8>, Damage),
     /// Milliseconds pass.
     Run(u8),
-    /// The object presses the sensor, in 255ths of the deepest press; 0 lifts it.
+    /// The object presses the sensor: 255 is the deepest press, 0 lifts it.
     Press(u8),
     /// A user sets a calibration that matches the sensor.
     Calibrate(Link),
