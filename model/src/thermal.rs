@@ -5,7 +5,7 @@
 //!
 //! with T_a the ambient temperature. The copper heats within a second and passes its heat to the
 //! pad, whose time constant of minutes limits the power of a train of ramps. P = I^2 R(T_c),
-//! R = R_20 (1 + 0.0039 (T_c - 20)).
+//! R = R_20 (1 + 0.00393 (T_c - 20)).
 
 use crate::math;
 use crate::units::{

@@ -47,7 +47,7 @@ pub struct Limits {
 /// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the converter's range less the tolerance
 /// of its zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would heat copper
 /// of 0.8 J/K by 75 K if it kept all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W
-/// is the continuous rating of the paper's coils, 3 A; 20 s follows from it and from 60 J. Resistance and
+/// is the continuous rating of the paper's coils, 3 A; at 60 J, 20 s are 3 W, within it. Resistance and
 /// inductance are those of sensible coils, with a margin.
 pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
     current_a: 12.0,

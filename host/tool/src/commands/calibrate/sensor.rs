@@ -170,7 +170,7 @@ impl Arguments {
     }
 }
 
-/// Smallest number of springs. Four quantities affect the loads of all trains together; with fewer
+/// Smallest number of springs. The adjusted quantities affect the loads of all trains together; with fewer
 /// springs and a block the fit has no redundancy.
 const LEAST_SPRINGS: usize = 4;
 /// Smallest ratio of the stiffest to the softest spring: only different loads separate the
