@@ -30,6 +30,9 @@ use crate::drawn::DrawnSensors;
 /// Depth of the presses, in units of the working depth.
 const DEPTH: f64 = 1.0;
 
+/// Number of variants that leave nothing out.
+const WHOLE: usize = 4;
+
 /// A variant of calibration and press. The instrument itself is always the same: a part is left out
 /// of the settings and of the calibration that it receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -270,48 +273,62 @@ fn print(drawn: &DrawnSensors, stack: &str, rows: &[Row]) -> Result<(), Failure>
         }
         return Ok(());
     }
+    let loads = drawn.loads.len();
+    let middle = loads / 2;
+    let whole = rows
+        .chunks(loads)
+        .take(WHOLE)
+        .filter_map(|of| of.get(middle));
+    let whole =
+        whole.map(|Row { variant, bin }| format!("{} ({variant})", percent(bin.counted.rms_ln)));
     writeln!(
         out,
-        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated \
+        "{BEGIN}\nThe RMS error (ln) at {} is {}.\n\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated \
          bench and pressed to {} of its working depth, with parts of the chain added or left out. Those that are left \
          out are so with a bench at one temperature and without a check.\n\n{}\n{END}",
+        rows.get(middle).map_or("", |row| &row.bin.load),
+        whole.collect::<Vec<_>>().join(", "),
         drawn.plants,
         drawn.seed,
         DEPTH,
-        table(rows)
+        table(rows, loads)
     )?;
     Ok(())
 }
 
-fn table(rows: &[Row]) -> Table {
+/// A line for each variant.
+fn table(rows: &[Row], loads: usize) -> Table {
     let mut table = Table::new();
     table.load_style(ASCII_MARKDOWN);
+    let names = rows.iter().take(loads).map(|row| row.bin.load.as_str());
+    let errors = format!("RMS error, ln, at {}", names.collect::<Vec<_>>().join(", "));
     table.set_header([
         "variant",
-        "load",
         "estimated",
         "refused",
         "hold",
-        "RMS error, ln",
-        "mean error",
-        "median half width",
         "falsely sure",
+        &errors,
     ]);
-    for Row { variant, bin } in rows {
-        let counted = &bin.counted;
+    for of_variant in rows.chunks(loads) {
+        let sum = |of: fn(&Counted) -> usize| -> String {
+            let counts = of_variant.iter().map(|row| of(&row.bin.counted));
+            counts.sum::<usize>().to_string()
+        };
+        let errors = of_variant.iter().map(|row| match row.bin.counted.rms_ln {
+            None => "-".to_owned(),
+            error => percent(error),
+        });
         table.add_row([
-            (*variant).to_owned(),
-            bin.load.clone(),
-            counted.accepted.to_string(),
-            counted.refused.to_string(),
-            percent(counted.coverage95),
-            percent(counted.rms_ln),
-            percent(counted.bias_ln),
-            percent(counted.half_width_ln),
-            percent(counted.false_confidence),
+            of_variant[0].variant.to_owned(),
+            sum(|of| of.accepted),
+            sum(|of| of.refused),
+            sum(Counted::covered),
+            sum(Counted::falsely_sure),
+            errors.collect::<Vec<_>>().join(", "),
         ]);
     }
-    for column in table.column_iter_mut().skip(2) {
+    for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
     table

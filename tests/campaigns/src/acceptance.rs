@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "to",
         "covered",
     ]);
-    let mut missed = 0;
+    let (mut missed, mut covered, mut all) = (0, 0, 0);
     for board in 0..arguments.boards {
         let seed = arguments.seed.saturating_add(board);
         let board = tool.board(seed, &format!("board-{seed}.flash"));
@@ -96,6 +96,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let or_rigid = |n_per_m: Option<f64>| n_per_m.map_or("rigid".to_owned(), stiffness);
             let covers = measured.covers();
             missed += usize::from(load == JUDGED && !covers);
+            covered += usize::from(covers);
+            all += 1;
             table.add_row([
                 seed.to_string(),
                 calibration.clone(),
@@ -109,7 +111,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}\n{table}\n{END}")?;
+    writeln!(
+        out,
+        "{BEGIN}\n{covered} of {all} intervals of {} boards cover the truth.\n\n{table}\n{END}",
+        arguments.boards
+    )?;
     if missed > 0 {
         return Err(Failure::Refused(format!(
             "{missed} of {} intervals for {JUDGED} c_S do not cover the truth",

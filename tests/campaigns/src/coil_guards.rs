@@ -33,17 +33,19 @@ pub(crate) fn run(&Arguments { sequences, seed }: &Arguments) -> ExitCode {
 }
 
 fn describe(summary: &Summary) -> String {
+    let faults = Fault::ALL.iter().zip(summary.faults);
+    let faults: Vec<_> = faults
+        .map(|(fault, count)| format!("{fault:?} {count}"))
+        .collect();
     let mut text = format!(
-        "## Result\n\n\
+        "{} sequences, {} orders executed and {} refused: {} limits exceeded.\n\n\
          | | |\n|---|---|\n\
-         | sequences | {} |\n\
-         | orders executed, refused | {}, {} |\n\
-         | limits exceeded | {} |\n\
          | greatest current in a sound circuit (limit 12 A) | {:.2} A |\n\
          | greatest current of all, in dead shorts behind a hardware limit of 15 A | {:.1} A |\n\
          | greatest part of the allowed energy | {:.0} % |\n\
          | greatest error of the copper's predicted temperature | {:.2} K |\n\
-         | greatest rise of the copper | {:.0} K |\n",
+         | greatest rise of the copper | {:.0} K |\n\n\
+         Faults latched: {}.\n",
         summary.sequences,
         summary.begun,
         summary.refused,
@@ -53,11 +55,8 @@ fn describe(summary: &Summary) -> String {
         100.0 * summary.energy,
         summary.error_k,
         summary.rise_k,
+        faults.join(", "),
     );
-    text += "\n## Faults latched\n\n| fault | times |\n|---|---|\n";
-    for (fault, count) in Fault::ALL.iter().zip(summary.faults) {
-        let _ = writeln!(text, "| {fault:?} | {count} |");
-    }
     for (seed, what) in summary.defects.iter().take(20) {
         let _ = writeln!(text, "\nSeed {seed}: {what}");
     }

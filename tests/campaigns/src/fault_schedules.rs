@@ -29,45 +29,37 @@ pub(crate) fn run(&Arguments { schedules, seed }: &Arguments) -> ExitCode {
     let unprotected = campaign(seed, schedules / 10, |seed| {
         run_with(Integrity::Unprotected, seed)
     });
-    let text = describe(&summary) + &describe_unprotected(&unprotected);
+    let text = describe(&summary, &unprotected);
     conclude(&text, summary.defects.is_empty())
 }
 
-/// Benefit of reading twice: a figure, not a claim.
-fn describe_unprotected(summary: &Summary) -> String {
-    format!(
-        "\n## The same faults with every word read once\n\n\
-         Bytes that change on the wire unseen are then wrong readings called good: {} of {} trusted \
-         readings in {} schedules, of which {} were plausible as ratios of counts.\n",
-        summary.wrong, summary.trusted, summary.schedules, summary.wrong_but_plausible,
-    )
-}
-
-fn describe(summary: &Summary) -> String {
+/// The benefit of reading twice is a figure, not a claim.
+fn describe(summary: &Summary, unprotected: &Summary) -> String {
+    let errors = summary.errors.iter();
+    let errors: Vec<_> = errors
+        .map(|(name, times)| format!("{name} {times}"))
+        .collect();
     let mut text = format!(
-        "## Result\n\n\
-         | | |\n|---|---|\n\
-         | schedules | {} |\n\
-         | of them with a fault that never ends | {} |\n\
-         | measuring, confirmed, at the end | {} |\n\
-         | readings trusted, each compared with the chip's own record | {} |\n\
-         | readings withdrawn because a later comparison of registers failed | {} |\n\
-         | recoveries | {} |\n\
-         | hangs, panics, hidden gaps, wrong readings called good, failures to recover | {} |\n",
+        "{} schedules, {} trusted readings, each compared with the chip's own record: {} hangs, panics, hidden gaps, wrong readings \
+         called good and failures to recover.\n\n\
+         {} schedules have a fault that never ends; {} end measuring, confirmed. {} readings were withdrawn because a later \
+         comparison of registers failed; the driver recovered {} times.\n\n\
+         Errors that the driver reported, all documented: {}.\n\n\
+         The same faults with every word read once: bytes that change on the wire unseen are then wrong readings called good, {} of \
+         {} trusted readings in {} schedules, of which {} were plausible as ratios of counts.\n",
         summary.schedules,
+        summary.trusted,
+        summary.defects.len(),
         summary.lasting,
         summary.measuring,
-        summary.trusted,
         summary.withdrawn,
         summary.recoveries,
-        summary.defects.len(),
+        errors.join(", "),
+        unprotected.wrong,
+        unprotected.trusted,
+        unprotected.schedules,
+        unprotected.wrong_but_plausible,
     );
-    text.push_str(
-        "\nErrors that the driver reported, all documented:\n\n| error | times |\n|---|---|\n",
-    );
-    for (name, times) in &summary.errors {
-        let _ = writeln!(text, "| {name} | {times} |");
-    }
     for (seed, defect) in &summary.defects {
         let _ = writeln!(text, "\nDefect with seed {seed}: {defect}");
     }

@@ -30,33 +30,27 @@ pub(crate) fn run(&Arguments { frames, seed }: &Arguments) -> ExitCode {
         Ok(rest) => summary.merge(rest),
         Err(_) => return conclude("A script panicked.", false),
     }
-    conclude(&describe(&summary), summary.defects.is_empty())
+    println!("{}", describe(&summary));
+    conclude(&sentence(&summary), summary.defects.is_empty())
 }
 
-fn describe(summary: &Summary) -> String {
-    let answers: u64 = summary.outcomes.values().sum();
-    let mut text = format!(
-        "## Result\n\n\
-         | | |\n|---|---|\n\
-         | scripts | {} |\n\
-         | frames and other runs of bytes | {} |\n\
-         | bytes | {} |\n\
-         | frames that arrived damaged or could not be understood | {} |\n\
-         | answers, each the only one to its command and on its link | {answers} |\n\
-         | new starts | {} |\n\
-         | promises that were not kept | {} |\n\
-         | greatest current (limit 12 A) | {:.2} A |\n\
-         | greatest heat in a script of up to half a minute (limit 60 J and 3.5 W) | {:.1} J |\n\
-         | hottest copper | {:.1} degrees Celsius |\n",
-        summary.scripts,
+fn sentence(summary: &Summary) -> String {
+    format!(
+        "{} frames and other runs of bytes in {} scripts, {} answers: {} promises broken. At most {:.2} A (limit 12 A), and {:.1} J \
+         in a script of up to half a minute (limit 60 J and 3.5 W).",
         summary.frames,
-        summary.bytes,
-        summary.refused,
-        summary.restarts,
+        summary.scripts,
+        summary.outcomes.values().sum::<u64>(),
         summary.defects.len(),
         summary.greatest_a,
         summary.heat_j,
-        summary.copper_c,
+    )
+}
+
+fn describe(summary: &Summary) -> String {
+    let mut text = format!(
+        "{} bytes; {} frames arrived damaged or could not be understood; {} new starts; hottest copper {:.1} degrees Celsius.\n",
+        summary.bytes, summary.refused, summary.restarts, summary.copper_c,
     );
     text += "\n## States\n\nHow often the board was looked at in each.\n\n| state | armed | times |\n|---|---|---|\n";
     for ((state, is_armed), times) in &summary.states {

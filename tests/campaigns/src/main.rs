@@ -25,7 +25,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use palpate_cli::failure;
 
-/// Run a campaign; `cargo xtask evidence NAME` writes its page
+/// Run a campaign; `cargo xtask evidence NAME` keeps its result
 #[derive(Parser)]
 #[command(max_term_width = 96)]
 struct Cli {

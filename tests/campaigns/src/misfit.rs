@@ -240,13 +240,6 @@ fn on_spring(
 
 fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}")?;
-    writeln!(
-        out,
-        "{} sensors of the stack ultrasoft from seed {}, each calibrated on its own simulated bench \
-         with all disturbances but the one left out, and pressed with it.\n",
-        arguments.plants, arguments.seed
-    )?;
     let of = |left_out: LeftOut, allowance: bool| -> Vec<&Press> {
         let alike = |press: &&Press| (press.left_out, press.allowance) == (left_out, allowance);
         presses.iter().filter(alike).collect()
@@ -256,9 +249,9 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
         .iter()
         .flat_map(|left_out| of(*left_out, false))
         .collect();
-    writeln!(out, "## By disturbance and load\n")?;
-    let mut table = new_table("load");
-    let mut sizes = new_table("size");
+    let mut whole = new_table("size", COLUMNS - 1);
+    let mut table = new_table("load", COLUMNS);
+    let mut sizes = new_table("size", COLUMNS);
     let rows = [(LeftOut::Nothing, false)]
         .into_iter()
         .chain(LeftOut::BENDING.map(|left_out| (left_out, false)))
@@ -272,24 +265,22 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
         } else {
             left_out.name().to_owned()
         };
-        for ratio in LOADS {
-            add(
-                &mut table,
-                &name,
-                &format!("{ratio} c_S"),
-                all.iter().filter(|press| press.ratio == ratio),
-            );
-        }
         let (least, greatest) = left_out.range();
+        let of_all = cells(&name, &format!("{least} to {greatest}"), all.iter());
+        whole.add_row(&of_all[..COLUMNS - 1]);
+        for ratio in LOADS {
+            let of_load = all.iter().filter(|press| press.ratio == ratio);
+            table.add_row(cells(&name, &format!("{ratio} c_S"), of_load));
+        }
         for third in 0..SIZES {
             let at =
                 |location: usize| least * (greatest / least).powf(location as f64 / SIZES as f64);
             let range = format!("{:.3} to {:.3}", at(third), at(third + 1));
             let within = |press: &&&Press| (press.part * SIZES as f64) as usize == third;
-            add(&mut sizes, &name, &range, all.iter().filter(within));
+            sizes.add_row(cells(&name, &range, all.iter().filter(within)));
         }
     }
-    writeln!(out, "{table}\n\n## By disturbance and size\n\n{sizes}\n")?;
+    writeln!(out, "{table}\n\n{sizes}\n")?;
     let good = bending
         .iter()
         .filter(|press| press.refused() || press.covered());
@@ -297,9 +288,14 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
     let falsely = nothing.iter().filter(|press| press.is_misfit()).count();
     writeln!(
         out,
-        "Of {all} presses with a disturbance that bends the line, {good} are covered or refused. Of {} \
-         presses with nothing left out, {falsely} are refused as misfits.\n{END}",
-        nothing.len()
+        "{BEGIN}\nOf {all} presses with a disturbance that bends the line, {good} are covered or refused. Of {} \
+         presses with nothing left out, {falsely} are refused as misfits.\n\n\
+         {} sensors of the stack ultrasoft from seed {}, each calibrated on its own simulated bench \
+         with all disturbances but the one left out, and pressed with it.\n\n{whole}\n\n\
+         `cargo campaign misfit` prints the same by load and by size.\n{END}",
+        nothing.len(),
+        arguments.plants,
+        arguments.seed
     )?;
     if good * 100 < all * 99 {
         return Err(Failure::Refused(format!(
@@ -315,10 +311,13 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
     Ok(())
 }
 
-fn new_table(by: &str) -> Table {
+/// Columns of the tables: the last is of the widths.
+const COLUMNS: usize = 8;
+
+fn new_table(by: &str, columns: usize) -> Table {
     let mut table = Table::new();
     table.load_style(ASCII_MARKDOWN);
-    table.set_header([
+    let header: [&str; COLUMNS] = [
         "left out",
         by,
         "pressed",
@@ -327,14 +326,19 @@ fn new_table(by: &str) -> Table {
         "covered",
         "missed",
         "of 1/c_L: median half width",
-    ]);
+    ];
+    table.set_header(&header[..columns]);
     for column in table.column_iter_mut().skip(2) {
         column.set_cell_alignment(CellAlignment::Right);
     }
     table
 }
 
-fn add<'p>(table: &mut Table, name: &str, by: &str, presses: impl Iterator<Item = &'p &'p Press>) {
+fn cells<'p>(
+    name: &str,
+    by: &str,
+    presses: impl Iterator<Item = &'p &'p Press>,
+) -> [String; COLUMNS] {
     let presses: Vec<_> = presses.collect();
     let count = |of: fn(&Press) -> bool| presses.iter().filter(|press| of(press)).count();
     let misfits = count(Press::is_misfit);
@@ -345,7 +349,7 @@ fn add<'p>(table: &mut Table, name: &str, by: &str, presses: impl Iterator<Item 
         .filter_map(|press| press.measured.half_width())
         .collect();
     let width = palpate_simulate::campaign::counted::quantile(&widths, 0.5);
-    table.add_row([
+    [
         name.to_owned(),
         by.to_owned(),
         presses.len().to_string(),
@@ -354,7 +358,7 @@ fn add<'p>(table: &mut Table, name: &str, by: &str, presses: impl Iterator<Item 
         covered.to_string(),
         (presses.len() - refused - covered).to_string(),
         width.map_or(String::new(), |width| format!("{:.1} %", width * 100.0)),
-    ]);
+    ]
 }
 
 #[cfg(test)]

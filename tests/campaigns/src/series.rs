@@ -23,7 +23,7 @@ use palpate_sim::world::{Holder, Setup, World as SimulatedWorld};
 use palpate_simulate::campaign::counted::Counted;
 use palpate_simulate::campaign::press::{Claim, Press};
 use palpate_simulate::campaign::world::World;
-use palpate_simulate::campaign::{counts_of_reasons, least_honest, percent};
+use palpate_simulate::campaign::{counts_of_reasons, least_honest, percent, without_estimate};
 use palpate_simulate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use palpate_simulate::press::{CLEARANCE_M, automatic};
 use palpate_wire::code::{Contact, RefusalReason, State};
@@ -458,10 +458,19 @@ impl SeriesResult {
         } = self.found;
         writeln!(
             out,
-            "{BEGIN}\n{} sensors of the stack {} from seed {}, each pressed {} times in a row in a world that goes on: held for {} to \
+            "{BEGIN}\n{ghosts} contacts with nothing there, {missed} presses or taps not found, {refusals} refusals after lift-off, \
+             {lying} objects at power on not found. {} of {} intervals of first presses contain the truth, {} of {} of later ones.\n",
+            self.first.covered(),
+            self.first.accepted,
+            self.later.covered(),
+            self.later.accepted,
+        )?;
+        writeln!(
+            out,
+            "{} sensors of the stack {} from seed {}, each pressed {} times in a row in a world that goes on: held for {} to \
              {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth of them, \
              something on a fourth of the sensors at power on, and a room that warms or cools by up to 2 K/min. {} could not \
-             be calibrated.\n",
+             be calibrated.\n\n{}\n",
             self.plants,
             self.stack,
             self.seed,
@@ -472,22 +481,14 @@ impl SeriesResult {
             PLAN.gap_s.1,
             PLAN.depth.0,
             PLAN.depth.1,
-            self.not_calibrated
+            self.not_calibrated,
+            self.table()
         )?;
-        writeln!(
-            out,
-            "{ghosts} contacts with nothing there, {missed} presses or taps not found, {refusals} refusals after lift-off, {lying} \
-             objects at power on not found.\n"
-        )?;
-        writeln!(out, "{}\n", self.table())?;
         let presses = all
             .iter()
             .flat_map(|series| series.presses.iter().chain(&series.held));
-        for (reason, count) in counts_of_reasons(presses.filter_map(|of| of.outcome.as_ref().err()))
-        {
-            writeln!(out, "- {count} without an estimate: {reason}")?;
-        }
-        Ok(writeln!(out, "{END}")?)
+        let reasons = counts_of_reasons(presses.filter_map(|of| of.outcome.as_ref().err()));
+        Ok(writeln!(out, "{}\n{END}", without_estimate(&reasons))?)
     }
 
     fn table(&self) -> Table {

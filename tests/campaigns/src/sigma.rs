@@ -56,22 +56,37 @@ const CLAIMS: [Claim; 3] = [
 ];
 
 pub(crate) fn run(arguments: &Arguments) -> ExitCode {
-    let mut text = String::from(
-        "Root mean square of (reading - true mean frequency of its conversion) over the stated \
-         sigma: 1 where the statement is right. Sensors sweep over 1 % of their frequency; four \
-         phases between the edges of sensor and reference.\n",
-    );
+    let mut table = String::new();
     let mut holds = true;
+    let mut ranges = Vec::new();
     for claim in &CLAIMS {
-        holds &= report(&mut text, claim, arguments);
+        let range = report(claim, arguments);
+        let (lowest, highest) = range.unwrap_or((f64::NAN, f64::NAN));
+        holds &= lowest >= claim.lowest && highest <= claim.highest;
+        let _ = writeln!(
+            table,
+            "| {} | {lowest:.3} | {highest:.3} | {:.2} to {:.2} |",
+            claim.heading, claim.lowest, claim.highest
+        );
+        ranges.push(format!("{lowest:.3} to {highest:.3}"));
     }
-    holds &= report_plans(&mut text, arguments);
+    let mut plans = String::new();
+    holds &= report_plans(&mut plans, arguments);
+    let text = format!(
+        "The root mean square of error over stated sigma is {} with the duty known, {} with the duty not known, {} with half periods \
+         in one gate.\n\n\
+         Error: reading less true mean frequency of its conversion; 1 where the statement is right. RCOUNT of 100 to 65535, single \
+         channels and autoscan, noise of 0 and 1e-6 in 1 ms. Sensors sweep over 1 % of their frequency; four phases between the edges of \
+         sensor and reference.\n\n\
+         | case | least | greatest | claimed |\n|---|---|---|---|\n{table}\n{plans}",
+        ranges[0], ranges[1], ranges[2]
+    );
     conclude(&text, holds)
 }
 
-fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
-    let _ = writeln!(
-        text,
+/// The least and the greatest ratio of a claim's cases; prints every case.
+fn report(claim: &Claim, arguments: &Arguments) -> Option<(f64, f64)> {
+    println!(
         "\n## {}\n\n| RCOUNT | mode | noise in 1 ms | rms of error / sigma, channels 0 to 3 |\n\
          |---|---|---|---|",
         claim.heading
@@ -83,27 +98,21 @@ fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
                 let ratios: Vec<_> = scatter.iter().map(|channel| channel.rms).collect();
                 lowest = ratios.iter().copied().fold(lowest, f64::min);
                 highest = ratios.iter().copied().fold(highest, f64::max);
-                row(text, &case, &ratios);
+                print_row(&case, &ratios);
             }
             Err(error) => {
-                let _ = writeln!(text, "\n{case:?}: {error}");
-                return false;
+                println!("\n{case:?}: {error}");
+                return None;
             }
         }
     }
-    let _ = writeln!(
-        text,
-        "\nFrom {lowest:.3} to {highest:.3}; claimed {:.2} to {:.2}.",
-        claim.lowest, claim.highest
-    );
-    lowest >= claim.lowest && highest <= claim.highest
+    Some((lowest, highest))
 }
 
-fn row(text: &mut String, case: &ConverterCase, ratios: &[f64]) {
+fn print_row(case: &ConverterCase, ratios: &[f64]) {
     let mode = if case.autoscan { "autoscan" } else { "single" };
     let list: Vec<_> = ratios.iter().map(|ratio| format!("{ratio:.3}")).collect();
-    let _ = writeln!(
-        text,
+    println!(
         "| {} | {mode} | {:e} | {} |",
         case.rcount,
         case.noise_in_1_ms,
@@ -136,8 +145,8 @@ fn report_plans(text: &mut String, arguments: &Arguments) -> bool {
     }
     let _ = writeln!(
         text,
-        "\n## {} random plans that the planner accepts: within 10 %\n\n\
-         Clocks of 2 to 40 MHz and the internal one, one to four channels, sensors of 1 kHz to 10 MHz \
+        "{} random plans that the planner accepts, claimed within 10 %: \
+         clocks of 2 to 40 MHz and the internal one, one to four channels, sensors of 1 kHz to 10 MHz \
          with a quality of 5 to 200, by rate, by RCOUNT and as the bus allows. Two gates, duty known.\n\n\
          | sensor | channels measured | rms of error / sigma, least | median | greatest |\n\
          |---|---|---|---|---|",
@@ -158,7 +167,5 @@ fn report_plans(text: &mut String, arguments: &Arguments) -> bool {
         }
     }
     let holds = !ratios.is_empty() && ratios.iter().all(|(_, rms)| OF_A_PLAN.contains(rms));
-    let (low, high) = (OF_A_PLAN.start(), OF_A_PLAN.end());
-    let _ = writeln!(text, "\nClaimed {low:.2} to {high:.2} for each.");
     holds
 }

@@ -153,17 +153,8 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
     });
     let refused = refused.count();
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}")?;
-    writeln!(
-        out,
-        "{} sensors of the stack {} from seed {}, all disturbances. Each was calibrated from one session on \
-         its simulated bench: with the load cell, and with the stage's scale and the springs alone.\n",
-        plants.len(),
-        arguments.stack,
-        arguments.seed
-    )?;
-    writeln!(out, "## Errors and intervals\n\n{}\n", loads_table(plants))?;
     let mut hold = true;
+    let mut ways = Vec::new();
     for (way, name) in WAYS.iter().enumerate() {
         let rows = plants.iter().filter_map(|plant| plant.ways.get(way));
         let failed = rows.clone().filter(|row| row.is_err()).count();
@@ -174,20 +165,23 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
                 (covered + of, all + count)
             });
         hold &= all > 0 && covered as f64 >= all as f64 * least_honest(plants.len());
-        writeln!(
-            out,
-            "- {name}: {covered} of {all} intervals cover the truth, {failed} sensors not calibrated"
-        )?;
+        ways.push(format!(
+            "{covered} of {all} ({name}, {failed} sensors not calibrated)"
+        ));
     }
     writeln!(
         out,
-        "\n## What good data come to in the checks\n\n{}\n",
+        "{BEGIN}\nIntervals that cover the truth: {}; {refused} of {} good sessions are refused.\n\n\
+         {} sensors of the stack {} from seed {}, all disturbances. Each was calibrated from one session on \
+         its simulated bench: with the load cell, and with the stage's scale and the springs alone. Below: what good data come to in \
+         the checks.\n\n{}\n\n{}\n{END}",
+        ways.join(", "),
+        plants.len(),
+        plants.len(),
+        arguments.stack,
+        arguments.seed,
+        loads_table(plants),
         checks_table(&checked)
-    )?;
-    writeln!(
-        out,
-        "{refused} of {} good sessions are refused.\n{END}",
-        plants.len()
     )?;
     if hold && refused == 0 {
         return Ok(());

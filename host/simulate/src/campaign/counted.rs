@@ -79,8 +79,16 @@ impl Counted {
 
     /// Number of intervals that contain the truth.
     pub fn covered(&self) -> usize {
-        let part = self.coverage95.unwrap_or(0.0);
-        (part * self.accepted as f64).round() as usize
+        self.of_accepted(self.coverage95)
+    }
+
+    /// How many estimates are falsely confident.
+    pub fn falsely_sure(&self) -> usize {
+        self.of_accepted(self.false_confidence)
+    }
+
+    fn of_accepted(&self, part: Option<f64>) -> usize {
+        (part.unwrap_or(0.0) * self.accepted as f64).round() as usize
     }
 }
 

@@ -5,6 +5,7 @@ pub mod press;
 mod rows;
 pub mod world;
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -33,7 +34,8 @@ use crate::instrument::{CalibratedInstrument, default_settings};
 /// intervals contain the truth
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown: a line for each sensor as it is done, then a table for each world; with --json an object \
+Prints Markdown: a line for each sensor as it is done, then a table for each world, and of several worlds the \
+totals; with --json an object \
 for each world. An interrupted run has its lines, and with --rows every press of the sensors that were done. \
 The file gets its name at the end of the run; until then the rows are in FILE.partial, as CSV, and those of a \
 FILE.parquet in FILE.parquet.csv. An interrupted run leaves them there.
@@ -328,11 +330,20 @@ fn print(
     plants: &[PlantResult],
 ) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}")?;
+    let of_worlds = if let [world] = results {
+        writeln!(out, "{BEGIN}\n{}\n", figure(world))?;
+        table(world).to_string()
+    } else {
+        for result in results {
+            writeln!(out, "## {}\n\n{}\n", result.world, table(result))?;
+        }
+        writeln!(out, "{BEGIN}\n{}\n", figure_of_worlds(results))?;
+        worlds(results)
+    };
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench{}{}{} and pressed to {} of its working depth.\n",
+         simulated bench{}{}{} and pressed to {} of its working depth.\n\n{of_worlds}\n",
         arguments.plants,
         arguments.seed,
         if arguments.temperatures > 1 {
@@ -352,23 +363,95 @@ fn print(
         },
         arguments.depth
     )?;
-    for result in results {
-        if results.len() > 1 {
-            writeln!(out, "## {}\n", result.world)?;
+    Ok(writeln!(
+        out,
+        "{}\n{END}",
+        without_estimate(&reasons(plants))
+    )?)
+}
+
+/// One world in a sentence.
+fn figure(WorldResult { overall, bins, .. }: &WorldResult) -> String {
+    let errors = bins.iter().filter_map(|bin| {
+        let error = bin.counted.rms_ln?;
+        Some(format!("{:.1} % at {}", error * 100.0, bin.load))
+    });
+    format!(
+        "{} of {} intervals contain the truth, {} estimates are falsely sure; RMS errors (ln) of {}.",
+        overall.covered(),
+        overall.accepted,
+        overall.falsely_sure(),
+        errors.collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// All worlds but the bench's in a sentence.
+fn figure_of_worlds(results: &[WorldResult]) -> String {
+    let bench = World::Calibrated.name();
+    let changed = results.iter().filter(|result| result.world != bench);
+    let sums = changed.fold([0; 5], |[worlds, refused, covered, all, sure], result| {
+        let of = &result.overall;
+        [
+            worlds + 1,
+            refused + of.refused,
+            covered + of.covered(),
+            all + of.accepted,
+            sure + of.falsely_sure(),
+        ]
+    });
+    let [worlds, refused, covered, all, sure] = sums;
+    format!(
+        "In {worlds} changed worlds {refused} presses are refused; {covered} of {all} intervals contain the truth, and {sure} estimates are \
+         falsely sure."
+    )
+}
+
+/// The worlds in which intervals miss the truth, the worst first, and those in which none does.
+fn worlds(results: &[WorldResult]) -> String {
+    let mut missing = Vec::new();
+    let (mut whole, mut refused) = (Vec::new(), Vec::new());
+    for WorldResult { world, overall, .. } in results {
+        let (all, covered) = (overall.accepted, overall.covered());
+        match all {
+            0 => refused.push(world.clone()),
+            _ if covered == all => whole.push(format!("{world} ({all})")),
+            _ => missing.push((
+                world,
+                [all, overall.refused, covered, overall.falsely_sure()],
+            )),
         }
-        writeln!(out, "{}\n", table(result))?;
-        let overall = &result.overall;
-        writeln!(
-            out,
-            "{} of {} intervals contain the truth.\n",
-            overall.covered(),
-            overall.accepted
-        )?;
     }
-    for (reason, count) in reasons(plants) {
-        writeln!(out, "- {count} without an estimate: {reason}")?;
+    missing.sort_by_key(|(_, [all, _, covered, sure])| Reverse((*sure, all - covered)));
+    let mut text = String::from(
+        "| world | estimated | refused | contain the truth | falsely sure |\n|---|---|---|---|---|\n",
+    );
+    for (world, counts) in missing {
+        text += &format!(
+            "| {world} | {} |\n",
+            counts.map(|count| count.to_string()).join(" | ")
+        );
     }
-    Ok(writeln!(out, "{END}")?)
+    let list = |worlds: &[String]| match worlds {
+        [] => "none".to_owned(),
+        worlds => worlds.join(", "),
+    };
+    format!(
+        "{text}\nWorlds with estimates whose intervals all contain the truth: {}.\n\nWorlds with all presses refused: {}.",
+        list(&whole),
+        list(&refused)
+    )
+}
+
+/// Why presses came to no estimate, and how many.
+pub fn without_estimate(reasons: &BTreeMap<String, usize>) -> String {
+    let reasons = reasons.iter().map(|(reason, count)| {
+        let reason = reason.split_whitespace().collect::<Vec<_>>().join(" ");
+        format!("{reason} ({count})")
+    });
+    format!(
+        "Without an estimate: {}.",
+        reasons.collect::<Vec<_>>().join("; ")
+    )
 }
 
 /// Formats a part in percent; empty for `None`.

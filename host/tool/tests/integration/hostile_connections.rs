@@ -278,18 +278,19 @@ fn a_misused_connection_does_not_hinder_the_next() {
         let parts = parts.map(|(name, part)| (name, scope.spawn(move || part(amount))));
         parts.map(|(name, part)| (name, part.join().unwrap()))
     });
+    for (name, defects) in &found {
+        println!("{name}: {} defects", defects.len());
+    }
+    let names = parts.map(|(name, _)| name).join("; ");
+    let defects: Vec<String> = found.into_iter().flat_map(|(_, defects)| defects).collect();
     println!(
-        "<!-- evidence:begin -->\n{} attacks on each, seeds {} to {}.\n\n\
-         | attacked | panics, hangs, programs not served, memory beyond {} MB |\n|---|---|",
+        "<!-- evidence:begin -->\n{} attacks on each ({names}), seeds {} to {}: {} panics, hangs, programs not served, or memory beyond {} \
+         MB.\n<!-- evidence:end -->",
         amount.0,
         amount.1,
         amount.1 + amount.0 - 1,
+        defects.len(),
         MEMORY_BYTES / 1_000_000
     );
-    for (name, defects) in &found {
-        println!("| {name} | {} |", defects.len());
-    }
-    println!("\n<!-- evidence:end -->");
-    let defects: Vec<String> = found.into_iter().flat_map(|(_, defects)| defects).collect();
     assert!(defects.is_empty(), "{defects:#?}");
 }

@@ -85,8 +85,24 @@ pub(super) fn print(
         }
         return Ok(());
     }
-    let errors = loads.iter().map(|load| {
-        let percent = [
+    let percent = |part: f64| format!("{:.2} %", part * 100.0);
+    let mut table = Table::new();
+    table.load_style(ASCII_MARKDOWN);
+    table.set_header([
+        "load",
+        "presses",
+        "sensor known",
+        "all that is read",
+        "falls alone",
+        "presses may drift",
+        "own heat unused",
+        "planned",
+        "measured",
+        "efficiency: of all that is read",
+        "of what the chain uses",
+    ]);
+    for load in loads {
+        let errors = [
             load.sensor_known_rms_ln,
             load.bound_rms_ln,
             load.falls_rms_ln,
@@ -94,57 +110,41 @@ pub(super) fn print(
             load.without_own_heat_rms_ln,
             load.planned_rms_ln,
             load.measured_rms_ln,
-        ]
-        .map(|part| format!("{:.2} %", part * 100.0));
-        core::iter::once(format!("{} c_S", load.ratio))
-            .chain(percent)
-            .collect()
-    });
-    let errors = table(
-        &[
-            "load",
-            "sensor known",
-            "all that is read",
-            "falls alone",
-            "presses may drift",
-            "own heat unused",
-            "planned",
-            "measured",
-        ],
-        errors,
-    );
-    let efficiencies = loads.iter().map(|load| {
-        vec![
-            format!("{} c_S", load.ratio),
-            load.presses.to_string(),
+        ];
+        let start = [format!("{} c_S", load.ratio), load.presses.to_string()];
+        let efficiencies = [
             format!(
                 "{:.3} ± {:.3}",
                 load.efficiency, load.efficiency_standard_error
             ),
             format!("{:.2}", load.efficiency_without_own_heat),
-        ]
-    });
-    let efficiencies = table(
-        &[
-            "load",
-            "presses",
-            "of all that is read",
-            "of what the chain uses",
-        ],
-        efficiencies,
-    );
+        ];
+        let errors = errors.map(percent).into_iter();
+        table.add_row(start.into_iter().chain(errors).chain(efficiencies));
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    let of_loads = |of: &dyn Fn(&Efficiency) -> String| -> String {
+        loads.iter().map(of).collect::<Vec<_>>().join(", ")
+    };
     writeln!(
         out,
-        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench{}.\n\n\
-         ## Errors\n\n\
+        "{BEGIN}\nAt {} the RMS error (ln) is {} where {} is planned; the efficiency is {} of what the chain uses, and {} of all that is \
+         read.\n\n\
+         {} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench{}. \
+         {left_out} presses without an estimate are left out.\n\n\
          Root mean squares of ln(estimate/truth). From left to right, less is known or used: bounds where everything of the sensor \
          is known; of all that bench and press read; of the falls alone; where a press may drift, so that creep says nothing of the \
          load; and where what the coil's own heat shows of the temperature's coefficients is not used. Then what `palpate plan` \
-         expects of these sensors at their temperatures, and what was measured.\n\n{errors}\n\n\
-         ## Efficiencies\n\n\
-         Variance of a bound over the variance that was measured: of all that is read, with the standard error that so many presses \
-         leave, and of the last of the bounds.\n\n{efficiencies}\n\n\
-         {left_out} presses without an estimate are left out.\n{END}",
+         expects of these sensors at their temperatures, and what was measured. Efficiency: variance of a bound over the variance \
+         that was measured, of all that is read, with the standard error that so many presses \
+         leave, and of the last of the bounds.\n\n{table}\n{END}",
+        of_loads(&|load| format!("{} c_S", load.ratio)),
+        of_loads(&|load| percent(load.measured_rms_ln)),
+        of_loads(&|load| percent(load.planned_rms_ln)),
+        of_loads(&|load| format!("{:.2}", load.efficiency_without_own_heat)),
+        of_loads(&|load| format!("{:.3}", load.efficiency)),
         arguments.plants,
         arguments.seed,
         if arguments.bench_temperature {
@@ -154,15 +154,4 @@ pub(super) fn print(
         },
     )?;
     Ok(())
-}
-
-fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Table {
-    let mut table = Table::new();
-    table.load_style(ASCII_MARKDOWN);
-    table.set_header(header);
-    table.add_rows(rows);
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
-    table
 }

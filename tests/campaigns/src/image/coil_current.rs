@@ -2,8 +2,10 @@
 //! resistance, inductance and supply; its error before any calibration; two uses weeks apart; and
 //! two minutes of full telemetry. Prints its result as Markdown; fails if a limit is missed.
 
-use palpate_cli::evidence::{BEGIN, END};
+use std::fmt::Write;
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::RecordedBoard;
 use super::common::driven::{PERIOD, Telemetry, Wired, bend, steps, telemetry, wired};
@@ -40,27 +42,35 @@ fn reachable_a(conditions: &PlantConditions) -> f64 {
     (0.8 * conditions.supply_v / ohm).min(FULL_SCALE_A)
 }
 
-/// Runs every corner; returns whether all hold.
-fn corners() -> bool {
+/// Keeps the greatest values.
+fn raise(worst: &mut [f64; 3], values: [f64; 3]) {
+    for (worst, value) in worst.iter_mut().zip(values) {
+        *worst = worst.max(value);
+    }
+}
+
+/// Runs every corner; returns the worst delay of a step beyond what is possible, s, overshoot and bend of a ramp.
+fn corners() -> [f64; 3] {
+    let mut worst = [0.0; 3];
     println!("## Resistance, inductance and supply\n");
     println!(
         "| coil | inductance | supply | step to | 90 % within | possible | overshoot | ramp, 10 ms \
          | ramp, 60 ms | ripple |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    let mut holds = true;
     for part in [0.6, 1.0, 1.4] {
         for inductance_h in [20e-6, 63e-6, 200e-6] {
             for supply_v in [5.0, 8.0, 12.0] {
-                holds &= corner(&conditions(part * 0.389, inductance_h, supply_v));
+                let conditions = conditions(part * 0.389, inductance_h, supply_v);
+                raise(&mut worst, corner(&conditions));
             }
         }
     }
     println!();
-    holds
+    worst
 }
 
-fn corner(conditions: &PlantConditions) -> bool {
+fn corner(conditions: &PlantConditions) -> [f64; 3] {
     let mut bench = wired(*conditions, BridgeCircuit::default(), 1);
     bench.arm();
     let to_a = reachable_a(conditions);
@@ -79,9 +89,8 @@ fn corner(conditions: &PlantConditions) -> bool {
         100.0 * slow,
         bench.ripple_a(),
     );
-    step.took <= step.possible + PERIOD + PERIOD
-        && step.overshoot <= OVERSHOOT
-        && fast.max(slow) <= BEND
+    let late_s = step.took.as_secs_f64() - step.possible.as_secs_f64();
+    [late_s, step.overshoot, fast.max(slow)]
 }
 
 fn micro(time: Time) -> String {
@@ -175,14 +184,15 @@ fn difference(first: &Use, second: &Use) -> [f64; 2] {
     [held_a.fold(0.0, f64::max), ramps_a.fold(0.0, f64::max)]
 }
 
-/// Runs every chain; returns whether all hold.
-fn chains() -> bool {
+/// Runs every chain; returns the worst absolute error before calibration, and the worst differences of held
+/// currents and of ramps weeks apart.
+fn chains() -> [f64; 3] {
+    let mut worst = [0.0; 3];
     println!("## Absolute error, and two uses weeks apart\n");
     println!(
         "| chain | gain | offset | absolute, before calibration | held, weeks apart | ramps, weeks apart |"
     );
     println!("|---|---|---|---|---|---|");
-    let mut holds = true;
     for seed in 1..=CHAINS {
         let (drive, conditions) = (drawn(seed), conditions(0.389, 40e-6, 12.0));
         let first = use_it(&mut wired(conditions, drive, seed));
@@ -202,21 +212,18 @@ fn chains() -> bool {
             100.0 * apart[0],
             100.0 * apart[1],
         );
-        holds &= absolute <= ABSOLUTE && apart.iter().all(|apart| *apart <= REPEATED);
+        raise(&mut worst, [absolute, apart[0], apart[1]]);
     }
     println!();
-    println!("Parts of 10 A; means of conversions of 1 ms, the worst of all.\n");
-    holds
+    worst
 }
 
-/// Runs two minutes; returns whether nothing was missed.
-fn full_telemetry() -> bool {
-    println!("## Full telemetry while the coil is driven\n");
-    println!(
+/// Runs two minutes; returns a table, and whether nothing was missed.
+fn full_telemetry() -> (String, bool) {
+    let mut text = String::from(
         "| stream | periods | levels late | least time left | longest from one to the next | samples | lost \
-         | edge to START, worst |"
+         | edge to START, worst |\n|---|---|---|---|---|---|---|---|\n",
     );
-    println!("|---|---|---|---|---|---|---|---|");
     let mut holds = true;
     for (stream, name) in [(Stream::Samples, "samples"), (Stream::Raw, "raw")] {
         let mut bench = wired(PlantConditions::default(), BridgeCircuit::default(), 1);
@@ -227,7 +234,8 @@ fn full_telemetry() -> bool {
             worst,
         } = telemetry(&mut bench, TELEMETRY, stream);
         let us = |time: Time| format!("{:.2} µs", time.as_secs_f64() * 1e6);
-        println!(
+        let _ = writeln!(
+            text,
             "| {name} | {} | {} | {} | {} | {samples} | {lost} | {} |",
             levels.written,
             levels.late,
@@ -238,22 +246,39 @@ fn full_telemetry() -> bool {
         let is_missed = levels.late > 0 || levels.longest_gap >= Time::from_us(24);
         holds &= !is_missed && lost == 0 && worst <= LATENCY;
     }
-    println!();
-    println!(
-        "{} simulated seconds each at 1 kHz, the PC reading and a command every 60 ms.",
-        TELEMETRY.as_secs_f64()
-    );
-    holds
+    (text, holds)
 }
 
 pub(crate) fn run() -> ExitCode {
-    println!("{BEGIN}");
-    let holds = [corners(), chains(), full_telemetry()];
-    println!("{END}");
-    if holds == [true; 3] {
-        ExitCode::SUCCESS
-    } else {
-        eprintln!("a bar is missed: corners, chains, telemetry hold: {holds:?}");
-        ExitCode::FAILURE
-    }
+    let [late_s, overshoot, bend] = corners();
+    let [absolute, held, ramps] = chains();
+    let (telemetry, nothing_missed) = full_telemetry();
+    let latest_s = 2.0 * PERIOD.as_secs_f64();
+    let percent = |part: f64| format!("{:.2} %", 100.0 * part);
+    let text = format!(
+        "Overshoot of a step at most {} (limit {}), ramps within {} of a straight line ({}); absolute error before calibration at most {} \
+         ({}), weeks apart {} held and {} on ramps ({}).\n\n\
+         Steps and ramps: 27 corners of 0.233 to 0.545 Ω, 20 to 200 µH and 5 to 12 V. Steps arrive at 90 % at most {:.0} µs later than supply \
+         and inductance allow (limit {:.0} µs). Errors: {CHAINS} chains of measurement, parts of 10 A, means of conversions of 1 ms.\n\n\
+         Full telemetry while the coil is driven, {} simulated seconds each at 1 kHz, the PC reading and a command every 60 ms:\n\n{telemetry}",
+        percent(overshoot),
+        percent(OVERSHOOT),
+        percent(bend),
+        percent(BEND),
+        percent(absolute),
+        percent(ABSOLUTE),
+        percent(held),
+        percent(ramps),
+        percent(REPEATED),
+        1e6 * late_s,
+        1e6 * latest_s,
+        TELEMETRY.as_secs_f64(),
+    );
+    let holds = late_s <= latest_s
+        && overshoot <= OVERSHOOT
+        && bend <= BEND
+        && absolute <= ABSOLUTE
+        && held.max(ramps) <= REPEATED
+        && nothing_missed;
+    conclude(&text, holds)
 }

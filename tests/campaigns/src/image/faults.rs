@@ -1,8 +1,10 @@
 //! `cargo campaign image-faults`: faults of bus and converter, and crashes during a ramp, each from
 //! a snapshot of the running image. Prints its result as Markdown; fails if a claim does not hold.
 
-use palpate_cli::evidence::{BEGIN, END};
+use std::fmt::Write;
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::{Crash, RecordedBoard, TASKS, ramping, streaming};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
@@ -213,13 +215,25 @@ pub(crate) fn run() -> ExitCode {
     let snapshot = streaming();
     wires(&snapshot, &mut rows);
     converter(&snapshot, &mut rows);
+    let wires_and_converter = rows.len();
     crashes(&planted, &mut rows);
-    println!("{BEGIN}");
-    println!("| cause | cases | worst | limit | beyond it |");
-    println!("|---|---|---|---|---|");
+    let worst = |rows: &[FaultRow]| {
+        let worst = rows.iter().map(|row| row.worst).max();
+        worst.unwrap_or_default().as_secs_f64() * 1e3
+    };
+    let (causes, crashes) = rows.split_at(wires_and_converter);
+    let broken: u32 = rows.iter().map(|row| row.broken).sum();
+    let cases: u32 = rows.iter().map(|row| row.cases).sum();
+    let mut text = format!(
+        "{broken} of {cases} cases are beyond their limits; the next good sample comes within {:.0} ms, and the bridge is off within {:.0} \
+         ms.\n\n| cause | cases | worst | limit | beyond it |\n|---|---|---|---|---|\n",
+        worst(causes),
+        worst(crashes),
+    );
     for row in &rows {
         let ms = |time: Time| format!("{:.3} ms", time.as_secs_f64() * 1e3);
-        println!(
+        let _ = writeln!(
+            text,
             "| {} | {} | {} | {} | {} |",
             row.what,
             row.cases,
@@ -228,19 +242,10 @@ pub(crate) fn run() -> ExitCode {
             row.broken
         );
     }
-    println!();
-    println!(
-        "The upper rows: from the cause's end to a sample that follows no gap, looked at every \
+    text += "\nThe upper rows: from the cause's end to a sample that follows no gap, looked at every \
          millisecond, without the watchdog and without a flagged word. The lower ones: until the \
-         bridge is off; it then stays off for 100 ms, in which the image starts anew."
-    );
-    let total: u32 = rows.iter().map(|row| row.broken).sum();
-    println!("{END}");
-    if total == 0 {
-        ExitCode::SUCCESS
-    } else {
-        failed(&format!("{total} cases are beyond their limits"))
-    }
+         bridge is off; it then stays off for 100 ms, in which the image starts anew.";
+    conclude(&text, broken == 0)
 }
 
 fn failed(why: &str) -> ExitCode {

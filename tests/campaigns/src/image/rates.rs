@@ -2,9 +2,11 @@
 //! losses are counted. Prints its result as Markdown; fails if a loss is not counted or an edge
 //! waits.
 
-use palpate_cli::evidence::{BEGIN, END};
+use std::fmt::Write;
 use std::ops::{Range, RangeInclusive};
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::{RecordedBoard, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches, Time};
@@ -144,21 +146,17 @@ fn text(count: &RangeInclusive<u32>) -> String {
 }
 
 pub(crate) fn run() -> ExitCode {
-    println!("{BEGIN}");
-    println!(
-        "| channels | asked | stream | INTB released by | scans per second | of the bus's limit \
-         | lost | reported | edge to START, median | worst | load |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut rows = String::new();
+    let (mut share, mut worst, mut reported) = (0.0_f64, Time::ZERO, 0);
     let mut holds = true;
     for case in cases() {
         let found = measure(&case);
-        let us = |time: Time| format!("{:.2} µs", time.as_secs_f64() * 1e6);
         let by = match case.release {
             InterruptRelease::StatusOnly => "STATUS",
             _ => "STATUS or data",
         };
-        println!(
+        let _ = writeln!(
+            rows,
             "| {} | {} Hz | {} | {by} | {:.1} | {:.1} % | {} | {} | {} | {} | {:.0} % |",
             case.channels.count_ones(),
             case.rate_hz,
@@ -175,24 +173,32 @@ pub(crate) fn run() -> ExitCode {
             us(found.worst),
             found.load * 100.0,
         );
+        share = share.max(found.rate_hz / case.limit_hz() * 100.0);
+        worst = worst.max(found.worst);
+        reported += found.reported;
         holds &= found.worst <= LATENCY && found.lost.contains(&found.reported);
         holds &= *found.lost.start() == 0;
     }
-    println!();
-    println!(
-        "{} simulated seconds each. The bus's limit: a frame's bit times at 400 kHz and 10 µs. \
+    let text = format!(
+        "At up to {share:.1} % of the bus's limit {reported} conversions are reported lost; the edge of INTB waits {} at worst.\n\n\
+         | channels | asked | stream | INTB released by | scans per second | of the bus's limit \
+         | lost | reported | edge to START, median | worst | load |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\
+         {} simulated seconds each. The bus's limit: a frame's bit times at 400 kHz and 10 µs. \
          Lost: conversions that the converter overwrote unread, before and after the device reported its \
          count. Reported: those that the firmware says \
          were lost. More than 98 % of the bus is refused.",
+        us(worst),
         LENGTH.as_secs_f64()
     );
-    println!("{END}");
-    if holds {
-        ExitCode::SUCCESS
-    } else {
+    if !holds {
         eprintln!(
             "a loss was not reported, a conversion was lost without need, or an edge waited too long"
         );
-        ExitCode::FAILURE
     }
+    conclude(&text, holds)
+}
+
+fn us(time: Time) -> String {
+    format!("{:.2} µs", time.as_secs_f64() * 1e6)
 }

@@ -2,8 +2,9 @@
 //! Checks that every time stamp is right or its sample marked, and that no sample mixes two scans.
 //! Prints its result as Markdown; fails if an unmarked sample is wrong, or a change raises a fault.
 
-use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::RecordedBoard;
 use super::common::stamps::{Judged, Shared, Silicon, change, judge, judge_both};
@@ -137,14 +138,15 @@ fn forget_before_the_answer(bench: &mut RecordedBoard) {
 }
 
 /// Changes settings of two converters, and lets the second one lose its registers and restart while
-/// the first one continues; returns whether nothing was lost or wrong, and no fault was false.
-fn of_two() -> bool {
+/// the first one continues; returns the totals, and whether nothing was lost or wrong, and no fault was false.
+fn of_two() -> (String, bool) {
     println!(
         "| channels | rate | INTB released by | DATA overwritten | changes | samples | marked \
          | lost | wrong | faults | starts of the second | lost by the first |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
-    let mut is_sound = true;
+    let mut all = Shared::default();
+    let (mut cases, mut false_faults, mut lost_by_first) = (0, 0, 0);
     let mut phases = (1..=PHASES).cycle();
     for silicon in Silicon::all() {
         let mut snapshot = silicon.bench_of_two();
@@ -186,23 +188,31 @@ fn of_two() -> bool {
                     both.lost,
                     both.wrong,
                 );
-                is_sound &= both.lost == 0 && both.wrong == 0 && faults == 0 && lost == 0;
+                all.add(&both);
+                cases += REPEATS;
+                false_faults += faults;
+                lost_by_first += lost;
             }
         }
     }
-    println!();
-    println!(
-        "Two converters on one bus, with frames that are read channel by channel in turns. Changes: of the \
-         settings of both. Lost: scans between two samples of a converter, after its first of the new settings. Wrong: \
-         an unmarked sample whose frequency is not its sensor's or whose time is beside its grid. Starts of the \
-         second: it loses everything and is started again. Lost by the first: scans of the first that were \
-         lost, or marked as following a gap, meanwhile. The highest rate is what the board accepts with so many channels."
+    let text = format!(
+        "Two converters on one bus, with frames that are read channel by channel in turns, up to the highest rate that the board accepts: \
+         {cases} changes of the settings of both, and as often the second loses everything and is started again; {} samples, {} of them \
+         marked. {} scans were lost between two samples of a converter; {} unmarked samples have a frequency that is not their sensor's \
+         or a time beside their grid; {false_faults} faults; {lost_by_first} scans of the first were lost, or marked as following a gap, while \
+         the second was started.",
+        all.samples, all.marked, all.lost, all.wrong,
     );
-    is_sound
+    let is_sound = [
+        all.lost as usize,
+        all.wrong as usize,
+        false_faults,
+        lost_by_first as usize,
+    ] == [0; 4];
+    (text, is_sound)
 }
 
 pub(crate) fn run() -> ExitCode {
-    println!("{BEGIN}");
     println!(
         "| channels | rate | INTB released by | DATA overwritten | starts | changes | samples \
          | marked | off | mixed | skipped | torn | time stamps, unmarked | faults | change to sample |"
@@ -232,34 +242,28 @@ pub(crate) fn run() -> ExitCode {
         }
     }
     println!();
-    println!(
-        "{starts} starts after the converter had lost everything, {changes} changes of settings, \
-         {} samples, {} of them marked: with a gap, or scans missed before them. Of the others, off: \
-         a time is more than 2 µs beside the middle of its conversion; mixed: its words are of two \
-         scans; skipped: a scan is missing before it; torn: the converter's supply failed \
-         in the last byte of the frame, which no reader of the bus can see. {} off, {} mixed, {} skipped, \
-         {} torn; time stamps from \
-         {:+.2} to {:+.2} µs, {:.2} µs between two that follow one another. Judged by the simulated converter's own record of every conversion. Four \
-         channels at 1 kHz are more than the bus can fetch with STATUS: every second scan is missed \
-         there, and marked. Faults: raised after a change. Change to sample: from the command to the \
-         first sample of the new settings.",
+    let (two, two_are_sound) = of_two();
+    let text = format!(
+        "{starts} starts after the converter had lost everything and {changes} changes of settings, {} samples: {} off, {} mixed, {} \
+         skipped, {} torn; time stamps from {:+.2} to {:+.2} µs.\n\n\
+         Judged by the simulated converter's own record of every conversion. {} samples are marked: with a gap, or scans missed before \
+         them. Of the others, off: a time is more than 2 µs beside the middle of its conversion; mixed: its words are of two scans; \
+         skipped: a scan is missing before it; torn: the converter's supply failed in the last byte of the frame, which no reader of \
+         the bus can see. Two time stamps that follow one another differ by {:.2} µs at most; {faults} faults were raised after a change. Four \
+         channels at 1 kHz are more than the bus can fetch with STATUS: every second scan is missed there, and marked.\n\n{two}",
         all.samples,
-        all.marked,
         all.off,
         all.mixed,
         all.skipped,
         all.torn,
         all.least_us,
         all.most_us,
+        all.marked,
         all.jitter_us,
     );
-    println!();
-    let two_are_sound = of_two();
-    println!("{END}");
-    if all.holds() && faults == 0 && two_are_sound {
-        ExitCode::SUCCESS
-    } else {
+    let holds = all.holds() && faults == 0 && two_are_sound;
+    if !holds {
         eprintln!("a sample was wrong and not marked, or a change of settings raised a fault");
-        ExitCode::FAILURE
     }
+    conclude(&text, holds)
 }

@@ -2,9 +2,10 @@
 //! power cuts at every flash operation, flipped bits, and all other activity. Prints its result as
 //! Markdown; fails if a claim does not hold.
 
-use palpate_cli::evidence::{BEGIN, END};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::RecordedBoard;
 use super::common::during_save::DuringSave;
@@ -28,11 +29,13 @@ const SAVES: u64 = 12;
 #[derive(Default)]
 struct Tally {
     rows: Vec<[String; 5]>,
+    cases: u32,
     broken: u32,
 }
 
 impl Tally {
     fn add(&mut self, what: &str, cases: u32, before: u32, after: u32, broken: u32) {
+        self.cases += cases;
         let numbers = [cases, before, after, broken].map(|number| number.to_string());
         let [cases, before, after, neither] = numbers;
         self.rows
@@ -246,7 +249,6 @@ pub(crate) fn run() -> ExitCode {
     abandoned(&mut tally);
     let flips = flips();
     let silent = flips.get(&BitFlip::Silent).copied().unwrap_or(0);
-    println!("{BEGIN}");
     println!("## Cuts of power\n");
     println!(
         "| the power fails | cases | the old one in force | the new one, or none after `erase` | anything else |"
@@ -276,12 +278,13 @@ pub(crate) fn run() -> ExitCode {
          In the midst of an erase `arm`, `drive_coil`, `measure`, `set_coil`, `store`, `load`, `erase` and `reboot` are refused. \
          Bridge and control interrupt rest all the while; no reset. Greatest depth of the stack: {deepest} bytes. Saves in which something was held up: {held_up}."
     );
-    println!("{END}");
     let broken = tally.broken + silent + held_up;
-    if broken == 0 {
-        ExitCode::SUCCESS
-    } else {
-        eprintln!("{broken} cases are not as claimed");
-        ExitCode::FAILURE
-    }
+    let text = format!(
+        "{} of {} cuts of power and loads leave neither the old nor the new; {silent} of {FLIPS} single bits that flip are silently different; {held_up} of \
+         {} saves hold anything up.",
+        tally.broken,
+        tally.cases,
+        saves.len(),
+    );
+    conclude(&text, broken == 0)
 }

@@ -2,9 +2,11 @@
 //! in its train. Prints its result as Markdown; fails if a claim does not hold. Its seed is the
 //! argument after `--seed`.
 
-use palpate_cli::evidence::{BEGIN, END};
 use std::collections::BTreeSet;
+use std::fmt::Write;
 use std::process::ExitCode;
+
+use crate::evidence::conclude;
 
 use super::common::Crash;
 use super::common::usb::control::disturb_control;
@@ -47,14 +49,15 @@ fn ms(time: Time) -> String {
     format!("{:.1} ms", time.as_secs_f64() * 1e3)
 }
 
-fn of_the_device() -> bool {
+fn of_the_device(out: &mut String) -> bool {
     let bench = plugged();
     let host = bench.probe.board.usb();
     let description = host.description();
     let problems = description.map(check_descriptors);
     let unit = u64::from_be_bytes(bench.probe.board.flash().unique_id());
     let serial = description.and_then(|it| it.string(3));
-    println!(
+    let _ = writeln!(
+        out,
         "Descriptors: {} rules of USB 2.0 and CDC broken. Serial number {}, that of the flash {unit:016X}.\n",
         problems.as_ref().map_or(1, Vec::len),
         serial.as_deref().unwrap_or("none"),
@@ -62,19 +65,19 @@ fn of_the_device() -> bool {
     problems.is_some_and(|it| it.is_empty()) && serial == Some(format!("{unit:016X}"))
 }
 
-fn streams() -> bool {
-    println!("## Streams over both links, the coil in its train as often as it may be\n");
-    println!(
+fn streams(out: &mut String) -> bool {
+    let _ = writeln!(
+        out,
         "| channels | asked | time | trains | time in them | scans | lost | samples by USB | records \
          missing by USB | by RTT | levels written | late | longest from one to the next | edge to \
-         START, worst | load in the train | greatest load | latest packet in a frame |"
+         START, worst | load in the train | greatest load | latest packet in a frame |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut holds = true;
     for (channels, rate_hz) in [(0b0001_u8, 1_000.0), (0b1111, 500.0)] {
         let mut bench = plugged();
         let found = stream_in_trains(&mut bench, channels, rate_hz, STREAM);
-        println!(
+        let _ = writeln!(
+            out,
             "| {} | {rate_hz} Hz | {:.0} s | {} | {:.1} s | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} % | {:.1} % | {} |",
             channels.count_ones(),
             STREAM.as_secs_f64(),
@@ -105,7 +108,8 @@ fn streams() -> bool {
             && bench.probe.board.usb_latest_bulk() < LATEST_PACKET;
         holds &= is_whole && is_in_time && found.trains > 1 && found.load_in_train <= LOAD;
     }
-    println!(
+    let _ = writeln!(
+        out,
         "\nTrains follow one another as soon as the coil's budget of heat allows. Load: the greatest \
          that a `status` reported, for a tenth of a second; it includes what is computed once at the \
          end of a test of the coil. A bulk packet that is made available more than 800 us after the start of a \
@@ -115,11 +119,12 @@ fn streams() -> bool {
 }
 
 /// A line of the loss account; returns whether it is exact.
-fn account(what: &str, bench: &UsbBench, cut: u32) -> bool {
+fn account(out: &mut String, what: &str, bench: &UsbBench, cut: u32) -> bool {
     let tally = bench.port.tally();
     let (missing, dropped) = missing(&tally);
     let (samples, strange) = bench.strange_samples();
-    println!(
+    let _ = writeln!(
+        out,
         "| {what} | {} | {missing} | {dropped} | {} | {samples} | {strange} |",
         tally.received(),
         bench.port.damaged,
@@ -127,20 +132,19 @@ fn account(what: &str, bench: &UsbBench, cut: u32) -> bool {
     missing == dropped && bench.port.damaged <= cut && strange == 0 && samples > 0
 }
 
-fn interruptions() -> bool {
-    println!("## Interruptions\n");
-    println!(
+fn interruptions(out: &mut String) -> bool {
+    let _ = writeln!(
+        out,
         "| what | records | missing | dropped, as the device says | cut frames | samples compared | \
-         other than by RTT |"
+         other than by RTT |\n|---|---|---|---|---|---|---|"
     );
-    println!("|---|---|---|---|---|---|---|");
     let mut holds = true;
     let mut bench = plugged();
     stopped_reader(&mut bench, STOPPED);
-    holds &= account("the reader stops for 5 s", &bench, 0);
+    holds &= account(out, "the reader stops for 5 s", &bench, 0);
     let mut bench = plugged();
     bench.suspend_and_resume(STOPPED);
-    holds &= account("the bus is suspended for 5 s", &bench, 0);
+    holds &= account(out, "the bus is suspended for 5 s", &bench, 0);
     let mut bench = plugged();
     bench.port.begin_account();
     for round in 0..ROUNDS {
@@ -150,7 +154,7 @@ fn interruptions() -> bool {
         bench.run(Time::from_us(20_000 + 91 * u64::from(round)));
     }
     bench.run(Time::from_ms(50));
-    holds &= account("DTR off and on, 100 times", &bench, ROUNDS);
+    holds &= account(out, "DTR off and on, 100 times", &bench, ROUNDS);
     let mut bench = plugged();
     bench.port.begin_account();
     let mut slowest = Time::ZERO;
@@ -160,9 +164,15 @@ fn interruptions() -> bool {
         bench.run(Time::from_us(31 * u64::from(round)));
     }
     bench.run(Time::from_ms(50));
-    holds &= account("unplugged and plugged again, 100 times", &bench, ROUNDS);
+    holds &= account(
+        out,
+        "unplugged and plugged again, 100 times",
+        &bench,
+        ROUNDS,
+    );
     holds &= bench.probe.board.resets().watchdog == 0;
-    println!(
+    let _ = writeln!(
+        out,
         "\nRecords are exact where `missing` is `dropped`. A port that is opened anew may begin with \
          the rest of a frame, once. After the cable it was open within {}, of which 100 ms are those in \
          which its contacts may bounce.\n",
@@ -171,33 +181,29 @@ fn interruptions() -> bool {
     holds
 }
 
-fn control(seed: u64) -> bool {
-    println!("## Control transfers of any kind\n");
+fn control(out: &mut String, seed: u64) -> bool {
     let mut bench = plugged();
     let found = disturb_control(&mut bench, CONTROL_TRANSFERS, seed);
-    println!("| ended by | transfers |\n|---|---|");
-    println!("| data or acknowledgement | {} |", found.done);
-    println!("| stall | {} |", found.stalled);
-    println!(
-        "| a reset of the bus in their midst | {} |",
-        found.cancelled
+    let _ = writeln!(
+        out,
+        "Of control transfers of any kind {} ended by data or acknowledgement, {} by a stall, {} by a reset of the bus in their midst, {} by the \
+         next setup packet, {} by the host, which sent less than it had promised, {} by what was left of one that the host had given up \
+         before; {} hung.",
+        found.done,
+        found.stalled,
+        found.cancelled,
+        found.overtaken,
+        found.cut_short,
+        found.spoiled,
+        found.hung.len(),
     );
-    println!("| the next setup packet | {} |", found.overtaken);
-    println!(
-        "| the host, which sent less than it had promised | {} |",
-        found.cut_short
-    );
-    println!(
-        "| what was left of one that the host had given up before | {} |",
-        found.spoiled
-    );
-    println!("| nothing: hung | {} |", found.hung.len());
     for (transfer, outcome) in found.hung.iter().take(5) {
         eprintln!("hung: {:02x?}: {outcome}", transfer.setup);
     }
     let restarts = bench.probe.board.resets().watchdog;
-    println!(
-        "\nA host that gives a transfer up and sends the next setup packet may get a packet of the \
+    let _ = writeln!(
+        out,
+        "A host that gives a transfer up and sends the next setup packet may get a packet of the \
          former until the processor has seen the setup packet; to prevent that, the interrupt of USB \
          would have to go before the tasks. Of the device descriptors asked for between, {} others were \
          wrong or refused. The longest transfer took {}. \
@@ -220,11 +226,11 @@ fn control(seed: u64) -> bool {
         && found.edge_to_start <= LATENCY
 }
 
-fn rubbish(seed: u64) -> bool {
-    println!("## Rubbish\n");
+fn rubbish(out: &mut String, seed: u64) -> bool {
     let mut bench = plugged();
     let found = flood(&mut bench, RUBBISH, seed);
-    println!(
+    let _ = writeln!(
+        out,
         "{} random bytes in {:.1} s, as fast as the device takes them: {} of {} commands between were \
          answered, {} after their last byte at most; {} of {} scans lost, {} records missing, {} new \
          starts.\n",
@@ -244,23 +250,22 @@ fn rubbish(seed: u64) -> bool {
         && found.restarts == 0
 }
 
-fn silence() -> bool {
-    println!("## Two PCs, of which one falls silent\n");
+fn silence(out: &mut String) -> bool {
     let mut holds = true;
     for (by, name, other) in [(Link::Usb, "USB", "RTT"), (Link::Probe, "RTT", "USB")] {
         let took = silent_link(&mut plugged(), by).unwrap_or(Time::MAX);
-        println!(
+        let _ = writeln!(
+            out,
             "- A current commanded over {name} ended {} after the command, while {other} went on.",
             ms(took)
         );
         holds &= SILENCE.contains(&took);
     }
-    println!();
+    out.push('\n');
     holds
 }
 
-fn restarts() -> bool {
-    println!("## New starts\n");
+fn restarts(out: &mut String) -> bool {
     let mut bench = plugged();
     let (mut slowest, mut runs) = (Time::ZERO, BTreeSet::new());
     for _ in 0..ROUNDS {
@@ -269,7 +274,8 @@ fn restarts() -> bool {
         runs.extend(boot_ids);
     }
     let mut holds = runs.len() as u32 == ROUNDS + 1;
-    println!(
+    let _ = writeln!(
+        out,
         "- {ROUNDS} new starts by `reboot` over USB: {} boot ids, the port open again by itself within \
          {}.",
         runs.len(),
@@ -286,7 +292,8 @@ fn restarts() -> bool {
             worst = worst.max(found.off.unwrap_or(Time::MAX));
             right &= found.off_first && found.in_boot_loader == (request == 1);
         }
-        println!(
+        let _ = writeln!(
+            out,
             "- What picotool requests to start {name}, at {POINTS} points of the train: bridge off \
              within {}, before the reset.",
             ms(worst)
@@ -305,32 +312,39 @@ fn restarts() -> bool {
             worst = worst.max(took.unwrap_or(Time::MAX));
             holds &= bench.probe.board.resets().watchdog == 1;
         }
-        println!(
+        let _ = writeln!(
+            out,
             "- {name} in the interrupt of USB, at {POINTS} points of the train: bridge off within {:.3} ms.",
             worst.as_secs_f64() * 1e3
         );
         holds &= worst <= limit;
     }
+    out.push('\n');
     holds
 }
 
 pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
-    println!("{BEGIN}");
+    let mut text = String::new();
+    let out = &mut text;
     let holds = [
-        of_the_device(),
-        streams(),
-        interruptions(),
-        rubbish(seed),
-        silence(),
-        restarts(),
-        control(seed),
+        of_the_device(out),
+        streams(out),
+        interruptions(out),
+        rubbish(out, seed),
+        silence(out),
+        restarts(out),
+        control(out, seed),
     ];
-    println!("{END}");
     if holds == [true; 7] {
-        ExitCode::SUCCESS
+        let figure = format!(
+            "Two streams of {} s in trains, interruptions of the reader, {RUBBISH} random bytes, {ROUNDS} new starts and {CONTROL_TRANSFERS} control \
+             transfers: every missing record is counted, no level of the coil's PWM is late, and nothing hangs.",
+            STREAM.as_secs_f64()
+        );
+        conclude(&format!("{figure}\n\n{text}"), true)
     } else {
         eprintln!(
-            "a claim does not hold: device, streams, interruptions, rubbish, silence, new starts, \
+            "{text}\na claim does not hold: device, streams, interruptions, rubbish, silence, new starts, \
              control transfers: {holds:?}"
         );
         ExitCode::FAILURE

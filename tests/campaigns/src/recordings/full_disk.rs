@@ -1,7 +1,6 @@
 //! A recording on a disk that becomes full: a small file system in memory, in its own name space.
 
 use std::env;
-use std::fs;
 use std::process::Command;
 
 use palpate_cli::failure::Failure;
@@ -38,12 +37,9 @@ pub(super) fn run(tool: &Tool) -> Result<Part, Failure> {
     let is_good =
         output.status.code() == Some(1) && says_why && found.samples > 0 && found.missing() == 0;
     let text = format!(
-        "## Full disk\n\nOn a disk of 1 MiB the recording ended after {:.2} s with exit code {}, and {} the \
-         cause. The file of {} bytes can be read: {} records, {} missing among them.",
-        found.contents.duration_s(),
+        "On a full disk of 1 MiB a recording ended with exit code {} and {}the cause; of its {} records {} are missing.",
         output.status.code().unwrap_or(-1),
-        if says_why { "says" } else { "does not say" },
-        fs::metadata(&left)?.len(),
+        if says_why { "" } else { "without " },
         found.contents.frames(),
         found.missing()
     );

@@ -59,9 +59,8 @@ pub(super) fn run(tool: &Tool, kills: u32, seed: u64) -> Result<Part, Failure> {
     let bad = left.iter().filter(is_bad).count();
     let shortest_s = left.iter().map(|left| left.ran_s).fold(LATEST_S, f64::min);
     let text = format!(
-        "## Killed\n\n{kills} recordings of a served board at 1 kHz were killed (SIGKILL), {shortest_s:.2} to \
-         {:.2} s after their file was there. All that lacks of the longest is its last {lacks_s:.2} s; \
-         {PROMISED_S:.0} s is promised. {records} records are readable, and {missing} are missing among them.",
+        "{kills} recordings that were killed {shortest_s:.2} to {:.2} s after their start lack their last {lacks_s:.2} s at most \
+         ({PROMISED_S:.0} s is promised); {records} records are readable, and {missing} are missing among them.",
         greatest(|left| left.ran_s),
     );
     Ok(Part {

@@ -48,13 +48,14 @@ pub(super) fn run(tool: &Tool, seconds: f64) -> Result<Part, Failure> {
         "conversions missed",
         "file",
     ]);
-    let mut lost = 0;
+    let (mut lost, mut all) = (0, 0);
     for (place, child) in children.into_iter().enumerate() {
         let output = child.wait_with_output()?;
         let recorded: Recorded = serde_json::from_slice(&output.stdout)?;
         let file = tool.path(&file(place));
         let found = found::read(&file)?;
         let missing = found.missing();
+        all += recorded.records;
         lost += missing + recorded.not_written + u64::from(recorded.unreadable);
         lost += recorded.records.abs_diff(found.contents.frames());
         let megabytes = file.metadata()?.len() as f64 * 1e-6;
@@ -69,8 +70,12 @@ pub(super) fn run(tool: &Tool, seconds: f64) -> Result<Part, Failure> {
             format!("{megabytes:.0} MB"),
         ]);
     }
+    println!("{table}\n");
     Ok(Part {
-        text: format!("## Long recordings\n\n{table}"),
+        text: format!(
+            "{} recordings of {seconds:.0} s lack {lost} of {all} records.",
+            RUNS.len()
+        ),
         failed: (lost > 0).then(|| format!("{lost} records of the long recordings are lost")),
     })
 }

@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
     image: image::Arguments,
 }
 
-/// Result of a part: its text, and its failures.
+/// Result of a part: a sentence, and its failures.
 struct Part {
     text: String,
     failed: Option<String>,
@@ -57,11 +57,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         long_runs::run(&tool, arguments.seconds.as_secs_f64())?,
     ];
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}")?;
-    for part in &parts {
-        writeln!(out, "{}\n", part.text.trim_end())?;
-    }
-    writeln!(out, "{END}")?;
+    let texts = parts.each_ref().map(|part| part.text.as_str());
+    writeln!(out, "{BEGIN}\n{}\n{END}", texts.join(" "))?;
     let failed: Vec<&str> = parts
         .iter()
         .filter_map(|part| part.failed.as_deref())

@@ -110,14 +110,12 @@ pub(super) fn run(tool: &Tool, boards: u64, seed: u64) -> Result<Part, Failure> 
     let (samples, estimates) = (sum("sample"), sum("estimate"));
     let is_empty = estimates.replayed == 0;
     let text = format!(
-        "## Replayed\n\nHow many records are the same to the bit. Of all samples {} of {} are, of all estimates \
-         {} of {}. {} samples and {} estimates were passed over, for reasons that `palpate replay` names.\n\n{table}",
-        samples.identical,
-        samples.replayed,
-        estimates.identical,
-        estimates.replayed,
-        samples.passed_over,
-        estimates.passed_over,
+        "{} of {} samples and {} of {} estimates are replayed to the bit.",
+        samples.identical, samples.replayed, estimates.identical, estimates.replayed,
+    );
+    println!(
+        "{table}\n\n{} samples and {} estimates were passed over, for reasons that `palpate replay` names.\n",
+        samples.passed_over, estimates.passed_over,
     );
     Ok(Part {
         text,

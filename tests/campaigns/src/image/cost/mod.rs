@@ -4,11 +4,10 @@ mod parts;
 mod phases;
 mod tables;
 
-use std::io::{self, Write};
+use std::io;
 
 use clap::Args;
 use palpate::board::image::{self, Program};
-use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_emulator::Sources;
 
@@ -42,7 +41,5 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let shared = parts::shared(&sources);
     let measured = phases::measure(&image, &shared, arguments.seed)?;
     let mut out = io::stdout().lock();
-    writeln!(out, "{BEGIN}")?;
-    tables::write(&mut out, &measured, &image, &sources, arguments.functions)?;
-    Ok(writeln!(out, "{END}")?)
+    tables::write(&mut out, &measured, &image, &sources, arguments.functions)
 }

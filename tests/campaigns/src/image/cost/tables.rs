@@ -4,6 +4,7 @@ use std::io::Write;
 
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, Table};
+use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_emulator::{Handler, Image, Sources};
 use palpate_sim::Time;
@@ -23,29 +24,34 @@ pub(super) fn write(
         .iter()
         .map(|phase| Split::new(&phase.profile, sources))
         .collect();
-    writeln!(out, "## The whole\n\n{}", whole(measured, image))?;
     writeln!(
         out,
-        "\n## Cycles per sample\n\nOne channel at 1 kHz. Floating point, mathematics and copying \
-         count as their caller's.\n\n{}",
-        per_sample(measured, &splits)
-    )?;
-    writeln!(out, "\n{}", once(measured))?;
-    writeln!(
-        out,
-        "\n## Interrupts\n\nOf all phases together. A run counts without the handlers that \
+        "Interrupts, of all phases together. A run counts without the handlers that \
          interrupt it, a start from the moment at which the interrupt is pending.\n\n{}",
         handlers(measured)
     )?;
-    if functions > 0 {
-        writeln!(out, "\n## Functions")?;
-    }
     for (phase, split) in measured.phases.iter().zip(&splits) {
         if functions > 0 {
             let table = costliest(phase, split, functions);
             writeln!(out, "\n{}, cycles per sample:\n\n{table}", phase.name)?;
         }
     }
+    let loads = measured.phases.iter().map(|phase| {
+        let load = phase.load() * 100.0;
+        format!("{load:.1} % {}", phase.name)
+    });
+    let loads = loads.collect::<Vec<_>>().join("; ");
+    writeln!(
+        out,
+        "{BEGIN}\nProcessor load: {loads}. Flash {}, memory {}.\n\n{}\n\n\
+         Cycles per sample, one channel at 1 kHz. Floating point, mathematics and copying \
+         count as their caller's. {}\n\n{}\n{END}",
+        kib(image.flash_bytes()),
+        kib(memory_bytes(measured, image)),
+        whole(measured, image),
+        once(measured),
+        per_sample(measured, &splits)
+    )?;
     Ok(())
 }
 
@@ -67,6 +73,15 @@ fn us(time: Time) -> String {
 /// remaining time.
 const LOADS: [&str; 6] = ["15 %", "15 %", "45 %", "", "", "55 %"];
 
+fn kib(bytes: u32) -> String {
+    format!("{:.1} KiB", f64::from(bytes) / 1024.0)
+}
+
+/// Static memory, code in memory and stack.
+fn memory_bytes(measured: &Measured, image: &Image) -> u32 {
+    image.static_bytes() + image.code_in_memory_bytes() + measured.stack_bytes
+}
+
 fn whole(measured: &Measured, image: &Image) -> Table {
     let mut rows = table(&["", "measured", "aimed at"], 1);
     for (phase, aim) in measured.phases.iter().zip(LOADS) {
@@ -81,8 +96,6 @@ fn whole(measured: &Measured, image: &Image) -> Table {
         .copied()
         .unwrap_or_default();
     let worst = latencies.last().copied().unwrap_or_default();
-    let memory_bytes = image.static_bytes() + image.code_in_memory_bytes() + measured.stack_bytes;
-    let kib = |bytes: u32| format!("{:.1} KiB", f64::from(bytes) / 1024.0);
     for [what, value, aim] in [
         ["edge of INTB to START, median", &us(median), ""],
         ["edge of INTB to START, worst", &us(worst), "10 µs"],
@@ -94,7 +107,11 @@ fn whole(measured: &Measured, image: &Image) -> Table {
             &kib(measured.stack_bytes),
             "",
         ],
-        ["the three together", &kib(memory_bytes), "192 KiB"],
+        [
+            "the three together",
+            &kib(memory_bytes(measured, image)),
+            "192 KiB",
+        ],
         [
             "speed of the emulation, in real time, one core",
             &format!("{:.1}", measured.speed),
