@@ -62,15 +62,27 @@ pub(crate) fn run(workspace: &Workspace, plants: u32, seed: u32) -> Result<()> {
             settings: settings(better)?,
         },
     ];
-    let mut text = table_of_front(&front)?;
-    text.push_str("\n## One of them at equal power and height\n\n");
+    println!("{}", table_of_front(&front)?);
+    let mut text = format!(
+        "Of {} designs from {} starts the best at {:.1} W has a disc of {:.1} mm, a rim of {:.1} mm and a merit of {:.5}, `{DESIGN}` one of {:.5}.\n\n\
+         ![Merit against power: the best found, and the design as it is]({})\n\nBoth at equal power and height:\n\n```text\n",
+        front["designs"],
+        front["starts"],
+        float(&better["power_W"])?,
+        number_of(better, "parameters.disc")?,
+        number_of(better, "parameters.rim")?,
+        float(&better["figure"])?,
+        float(&better["figure_as_it_is"])?,
+        PICTURE[1]
+    );
     for design in &designs {
         let figures = bench.figures(design)?;
-        writeln!(text, "{}:\n\n```text\n{figures}```\n", design.title())?;
+        writeln!(text, "{}:\n{figures}", design.title())?;
     }
+    text = text.trim_end().to_owned();
     writeln!(
         text,
-        "## The error of the stiffness\n\n{plants} sensors each from seed {seed}, all disturbances, each calibrated \
+        "\n```\n\n{plants} sensors each from seed {seed}, all disturbances, each calibrated \
          on its own simulated bench; loads in units of the sensing spring c_S. Errors are ln(estimate/truth).\n\n\
          | design | load | estimated | refused | hold | RMS error | median half width |\n|---|---|---|---|---|---|---|"
     )?;
@@ -186,16 +198,11 @@ fn percent(bin: &Value, key: &str) -> String {
     share.map_or(String::new(), |share| format!("{:.2} %", 100.0 * share))
 }
 
-/// The front as a table under its picture.
+/// The front, to 1e-4, beside the design as it is at the same power.
 fn table_of_front(front: &Value) -> Result<String> {
-    let (starts, designs) = (&front["starts"], &front["designs"]);
-    let mut text = format!(
-        "## The front\n\n{designs} designs from {starts} starts, each at a power of its own; the figures of these to 1e-4, \
-         beside those of `{DESIGN}` at the same power.\n\n\
-         ![Merit against power: the best found, and the design as it is]({})\n\n",
-        PICTURE[1]
+    let mut text = String::from(
+        "| power, W | current, A | disc, mm | rim, mm | merit eps w_D w_L | of the design as it is |\n|---|---|---|---|---|---|\n",
     );
-    text.push_str("| power, W | current, A | disc, mm | rim, mm | merit eps w_D w_L | of the design as it is |\n|---|---|---|---|---|---|\n");
     for design in designs_of(front)? {
         let number = |name: &str| number_of(design, name);
         let [current, disc, rim] =

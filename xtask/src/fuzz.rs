@@ -5,7 +5,6 @@
 //! inputs that the fuzzer finds go to `target/fuzz`, inputs that break a promise to
 //! `fuzz/artifacts`.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -40,7 +39,7 @@ struct FuzzOutcome {
 /// Runs every target for some seconds each, as a campaign, and prints the result.
 pub(crate) fn run(workspace: &Workspace, seconds: u32, seed: u32) -> Result<()> {
     let outcomes = all(workspace, seconds, seed)?;
-    println!("{BEGIN}\n{}\n{END}", table(&outcomes, seconds).trim_end());
+    println!("{BEGIN}\n{}\n{END}", sentence(&outcomes, seconds));
     Ok(())
 }
 
@@ -135,16 +134,17 @@ fn outcome(said: &str) -> Option<FuzzOutcome> {
     })
 }
 
-fn table(outcomes: &[(&str, FuzzOutcome)], seconds: u32) -> String {
-    let mut text = format!(
-        "## Result\n\nEvery input kept every promise. Each target ran for {seconds} s.\n\n\
-         | target | inputs | that reached something new |\n|---|---|---|\n"
-    );
-    for (target, outcome) in outcomes {
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "| {target} | {} | {} |", outcome.runs, outcome.found);
-    }
-    text
+fn sentence(outcomes: &[(&str, FuzzOutcome)], seconds: u32) -> String {
+    let inputs = outcomes
+        .iter()
+        .map(|(target, FuzzOutcome { runs, found })| {
+            format!("{runs} of {target}, of which {found} reached something new")
+        });
+    let inputs: Vec<_> = inputs.collect();
+    format!(
+        "Every input kept every promise, in {seconds} s of each target: {}.",
+        inputs.join("; ")
+    )
 }
 
 #[cfg(test)]

@@ -76,7 +76,7 @@ enum Verb {
     },
     /// Check the direction of dependencies between the workspace's crates
     Deps,
-    /// Run a long campaign and write docs/evidence/NAME.md; without a name, list them
+    /// Run a long campaign and keep its result in docs/evidence; without a name, list them
     Evidence {
         /// Name of the campaign
         name: Option<String>,
@@ -91,7 +91,7 @@ enum Verb {
         #[arg(long, default_value_t = 1)]
         seed: u32,
     },
-    /// Compare the field solver with NGSolve and GetDP; installs them, writes docs/evidence/field-peers.md
+    /// Compare the field solver with NGSolve and GetDP, which it installs, and print the result
     FieldPeers {
         /// A Python with NGSolve, instead of a new virtual environment
         #[arg(long, value_name = "FILE")]
@@ -111,7 +111,7 @@ enum Verb {
     },
     /// Plant each defect of tests/planted-defects.toml and run the tests that must find it
     PlantedDefects,
-    /// Measure the cost of the image on the emulated board; writes docs/evidence/image-cost.md
+    /// Measure the cost of the image on the emulated board, and keep the result in docs/evidence
     BenchImage,
     /// Flash the firmware through a debug probe, and show its log
     Flash,

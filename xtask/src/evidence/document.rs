@@ -1,6 +1,6 @@
-//! The text of an evidence file.
+//! The text of the evidence: a row of the overview for each campaign, and a page of details for some.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 
 use super::provenance::Origin;
 
@@ -11,77 +11,94 @@ pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
 /// Is the line after a campaign's result.
 pub(crate) const END: &str = "<!-- evidence:end -->";
 
-/// Where a result comes from.
+/// A result and where it comes from.
 #[derive(Debug)]
-pub(super) struct Record<'a> {
+pub(super) struct Record {
     /// Name of the campaign.
-    pub(super) name: &'a str,
-    /// The verb that writes it.
-    pub(super) verb: String,
+    pub(super) name: &'static str,
     /// What it shows.
-    pub(super) purpose: &'a str,
-    /// The command that was run.
+    pub(super) claim: &'static str,
+    /// The command that was run, seed included.
     pub(super) command: String,
-    /// The seed, where the command has one.
-    pub(super) seed: Option<String>,
     /// The sources, the day and the compiler.
     pub(super) origin: Origin,
-    /// The paths of the code that decides the result.
-    pub(super) rests_on: &'a [&'a str],
     /// How long it took, building included.
     pub(super) seconds: u64,
+    /// The result in a sentence or two.
+    pub(super) figure: String,
+    /// What is behind it, as Markdown; empty where the figure says all.
+    pub(super) details: String,
 }
 
-impl Record<'_> {
-    /// The file: heading, origin, result.
-    pub(super) fn render(&self, result: &str) -> String {
-        let seed = self.seed.as_deref().unwrap_or("none");
-        let rests_on: Vec<_> = self.rests_on.iter().map(|it| format!("`{it}`")).collect();
+impl Record {
+    /// Command, commit, and the rest of the origin.
+    fn provenance(&self) -> [String; 3] {
+        let Origin {
+            commit,
+            date,
+            toolchain,
+        } = &self.origin;
+        let version = toolchain.split(" (").next().unwrap_or_default();
+        [
+            format!("`{}`", self.command),
+            commit.clone(),
+            format!("{date}, {version}, {} s", self.seconds),
+        ]
+    }
+
+    /// Its line of the overview.
+    pub(super) fn row(&self) -> String {
+        let name = if self.details.is_empty() {
+            self.name.to_owned()
+        } else {
+            format!("[{name}]({name}.md)", name = self.name)
+        };
+        let [command, commit, origin] = self.provenance();
+        let (claim, figure) = (self.claim, self.figure.replace('|', "\\|"));
+        format!("| {name} | {claim} | {figure} | {command} | {commit} | {origin} |")
+    }
+
+    /// Its page.
+    pub(super) fn page(&self) -> String {
+        let Self {
+            name,
+            claim,
+            figure,
+            details,
+            ..
+        } = self;
+        let [command, commit, origin] = self.provenance();
         format!(
-            "# Evidence: {name}\n\n\
-             {purpose}\n\n\
-             Written by `cargo xtask {verb}`; not edited by hand.\n\n\
-             | | |\n\
-             |---|---|\n\
-             | Command | `{command}` |\n\
-             | Commit | {commit} |\n\
-             | Rests on | {rests_on} |\n\
-             | Seed | {seed} |\n\
-             | Date | {date} (UTC) |\n\
-             | Toolchain | {toolchain} |\n\
-             | Duration | {seconds} s, building included |\n\n\
-             {result}\n",
-            name = self.name,
-            verb = self.verb,
-            purpose = self.purpose,
-            command = self.command,
-            commit = self.origin.commit,
-            rests_on = rests_on.join(", "),
-            date = self.origin.date,
-            toolchain = self.origin.toolchain,
-            seconds = self.seconds,
+            "# Evidence: {name}\n\n{claim}\n\n{figure}\n\n{command} at {commit}, {origin}. Written by `cargo xtask evidence`, not edited by hand.\n\n{details}\n"
         )
     }
 }
 
-/// The commit and the paths that a page names in its heading's table.
-pub(super) fn origin(page: &str) -> Result<(&str, Vec<&str>)> {
-    let commit = cell(page, "Commit")?;
-    let commit = commit.strip_suffix(" (dirty)").unwrap_or(commit);
-    let paths = cell(page, "Rests on")?.split(", ");
-    Ok((commit, paths.map(|path| path.trim_matches('`')).collect()))
+/// The overview with this row in the place of the campaign's last one, or at its end.
+pub(super) fn with_row(overview: &str, name: &str, row: &str) -> String {
+    let mut lines: Vec<&str> = overview.lines().collect();
+    match lines.iter().position(|line| is_row_of(line, name)) {
+        Some(at) => lines[at] = row,
+        None => lines.push(row),
+    }
+    lines.join("\n") + "\n"
 }
 
-/// What stands beside a label in the table.
-fn cell<'p>(page: &'p str, label: &str) -> Result<&'p str> {
-    let start = format!("| {label} | ");
-    page.lines()
-        .find_map(|line| line.strip_prefix(&start)?.strip_suffix(" |"))
-        .with_context(|| format!("the table has no row `{label}`"))
+/// The commit in a campaign's row; none where no result was kept.
+pub(super) fn commit<'o>(overview: &'o str, name: &str) -> Option<&'o str> {
+    let row = overview.lines().find(|line| is_row_of(line, name))?;
+    let commit = row.rsplit(" | ").nth(1)?;
+    Some(commit.strip_suffix(" (dirty)").unwrap_or(commit))
 }
 
-/// The result between the two markers of a campaign's output.
-pub(super) fn result(printed: &str) -> Result<&str> {
+fn is_row_of(line: &str, name: &str) -> bool {
+    let start = [format!("| {name} | "), format!("| [{name}](")];
+    start.iter().any(|start| line.starts_with(start))
+}
+
+/// What stands between the two markers of a campaign's output: its first paragraph, the figure, on one line, and the
+/// details.
+pub(super) fn result(printed: &str) -> Result<(String, String)> {
     let Some((_, rest)) = split_once_at_line_end(printed, BEGIN) else {
         bail!("the line `{BEGIN}` is missing");
     };
@@ -91,10 +108,12 @@ pub(super) fn result(printed: &str) -> Result<&str> {
     if result.contains(BEGIN) || after.contains(BEGIN) {
         bail!("`{BEGIN}` stands there twice; a campaign has one result");
     }
-    if result.trim().is_empty() {
-        bail!("nothing stands between `{BEGIN}` and `{END}`");
+    let result = result.trim();
+    let (figure, details) = result.split_once("\n\n").unwrap_or((result, ""));
+    if figure.is_empty() || figure.starts_with(['|', '#', '-']) {
+        bail!("no sentence follows `{BEGIN}`");
     }
-    Ok(result.trim())
+    Ok((figure.replace('\n', " "), details.trim().to_owned()))
 }
 
 /// Splits a text around the first marker that ends its line.
@@ -115,22 +134,28 @@ fn split_once_at_line_end<'a>(text: &'a str, marker: &str) -> Option<(&'a str, &
 mod tests {
     use super::*;
 
+    #[track_caller]
+    fn is_result(printed: &str, figure: &str, details: &str) {
+        let expected = (figure.to_owned(), details.to_owned());
+        assert_eq!(result(printed).unwrap(), expected);
+    }
+
     #[test]
     fn the_result_is_what_stands_between_the_markers() {
-        let printed = format!("noise\n{BEGIN}\n## A\n\ntext\n{END}\nnoise\n");
-        assert_eq!(result(&printed).unwrap(), "## A\n\ntext");
+        let printed = format!("noise\n{BEGIN}\n3 of\n3.\n\n## A\n\ntext\n{END}\nnoise\n");
+        is_result(&printed, "3 of 3.", "## A\n\ntext");
     }
 
     #[test]
     fn the_begin_marker_may_follow_the_harness_on_its_line() {
         let printed = format!("test long_run ... {BEGIN}\ntext\n{END}\nok\n");
-        assert_eq!(result(&printed).unwrap(), "text");
+        is_result(&printed, "text", "");
     }
 
     #[test]
     fn a_marker_quoted_within_a_line_is_none() {
         let printed = format!("prints {BEGIN} first\n{BEGIN}\ntext\n{END}\n");
-        assert_eq!(result(&printed).unwrap(), "text");
+        is_result(&printed, "text", "");
     }
 
     #[test]
@@ -139,7 +164,11 @@ mod tests {
             ("text\n".to_owned(), "begin -->` is missing"),
             (format!("{BEGIN}\ntext\n"), "end -->` is missing"),
             (format!("{END}\n{BEGIN}\ntext\n"), "end -->` is missing"),
-            (format!("{BEGIN}\n \n{END}\n"), "nothing stands"),
+            (format!("{BEGIN}\n \n{END}\n"), "no sentence"),
+            (
+                format!("{BEGIN}\n## Result\n\ntext\n{END}\n"),
+                "no sentence",
+            ),
             (
                 format!("{BEGIN}\na\n{END}\n{BEGIN}\nb\n{END}\n"),
                 "stands there twice",
@@ -151,36 +180,38 @@ mod tests {
     }
 
     #[test]
-    fn the_file_states_where_its_result_comes_from() {
-        let record = Record {
+    fn row_and_page_state_where_the_result_comes_from() {
+        let mut record = Record {
             name: "trial",
-            verb: "evidence trial".to_owned(),
-            purpose: "A trial.",
+            claim: "A trial.",
             command: "cargo run -- --seed 7".to_owned(),
-            seed: Some("7".to_owned()),
             origin: Origin {
                 commit: "0123abcd (dirty)".to_owned(),
                 date: "2026-02-03".to_owned(),
-                toolchain: "rustc 1.95.0".to_owned(),
+                toolchain: "rustc 1.95.0 (0123 2026-01-02)".to_owned(),
             },
-            rests_on: &["model/src", "tests"],
             seconds: 61,
+            figure: "3 of |x|.".to_owned(),
+            details: "text".to_owned(),
         };
-        let text = record.render("## Result");
-        for line in [
-            "# Evidence: trial",
-            "| Command | `cargo run -- --seed 7` |",
-            "| Commit | 0123abcd (dirty) |",
-            "| Rests on | `model/src`, `tests` |",
-            "| Seed | 7 |",
-            "| Date | 2026-02-03 (UTC) |",
-            "| Toolchain | rustc 1.95.0 |",
-            "| Duration | 61 s, building included |",
-            "## Result",
-        ] {
-            assert!(text.lines().any(|l| l == line), "no line `{line}`");
-        }
-        let (commit, paths) = origin(&text).unwrap();
-        assert_eq!((commit, paths), ("0123abcd", vec!["model/src", "tests"]));
+        let row = "| [trial](trial.md) | A trial. | 3 of \\|x\\|. | `cargo run -- --seed 7` | 0123abcd (dirty) \
+                   | 2026-02-03, rustc 1.95.0, 61 s |";
+        assert_eq!(record.row(), row);
+        let page = record.page();
+        assert!(page.starts_with("# Evidence: trial\n\nA trial.\n\n3 of |x|.\n\n`cargo run -- --seed 7` at 0123abcd (dirty), 2026-02-03,"));
+        assert!(page.ends_with("\n\ntext\n"));
+        // A row replaces that of its campaign, whatever page that had.
+        let overview = with_row(
+            "# Evidence\n\n| trials | a | b | c | d | e |\n",
+            "trial",
+            row,
+        );
+        record.details.clear();
+        let overview = with_row(&overview, "trial", &record.row());
+        assert_eq!(overview.lines().count(), 4);
+        assert!(overview.ends_with(&format!("\n{}\n", record.row())));
+        assert!(record.row().starts_with("| trial | A trial. |"));
+        assert_eq!(commit(&overview, "trial"), Some("0123abcd"));
+        assert_eq!(commit(&overview, "tri"), None);
     }
 }

@@ -4,12 +4,14 @@
 //!
 //! A campaign is a command of this workspace that is free to print what it likes, and prints its
 //! result to standard output between a line that ends with [`document::BEGIN`] and a line that is
-//! [`document::END`], as Markdown with headings of the second level or below. It exits with
-//! success only when its claim holds. Its seed is the argument after `--seed`.
+//! [`document::END`], as Markdown. Its first paragraph is the figure: the result in a sentence or two.
+//! What follows, some 30 lines at most, stays where a reader would question the figure; long tables
+//! are printed before the first marker. It exits with success only when its claim holds. Its seed is
+//! the argument after `--seed`.
 //!
-//! `cargo xtask evidence NAME` runs it and writes `docs/evidence/NAME.md`: what was run, on which
-//! commit, with which toolchain and when, and the result as the campaign printed it. A campaign
-//! that fails, or prints no result, leaves the file as it was.
+//! `cargo xtask evidence NAME` runs it and writes its row of `docs/evidence/README.md`: claim, figure,
+//! command, commit, date, compiler and duration. Where details follow the figure, the page
+//! `docs/evidence/NAME.md` has them. A campaign that fails, or prints no result, leaves both as they were.
 
 mod age;
 mod document;
@@ -30,35 +32,21 @@ use provenance::Origin;
 
 /// The folder of the results, in the workspace.
 const FOLDER: &str = "docs/evidence";
+/// The page in it with a row for each campaign.
+const OVERVIEW: &str = "README.md";
 
 /// A long run whose result is kept.
 #[derive(Debug, Clone, Copy)]
 struct Campaign {
-    /// Its name, and the name of its file.
+    /// Its name, and the name of its page.
     name: &'static str,
-    /// What its result shows.
-    purpose: &'static str,
-    /// What it runs.
-    runs: Runs,
-    /// The code that decides its result: when it changes, the page is out of date.
+    /// What it shows, in one short sentence.
+    claim: &'static str,
+    /// The arguments of cargo.
+    command: &'static str,
+    /// The code that decides its result: when it changes, the result is out of date.
     rests_on: &'static [&'static str],
 }
-
-/// What a campaign runs.
-#[derive(Debug, Clone, Copy)]
-enum Runs {
-    /// The tool, with these arguments.
-    Tool(&'static [&'static str]),
-    /// The program of all campaigns, with these.
-    Campaign(&'static [&'static str]),
-    /// Cargo, with these.
-    Cargo(&'static [&'static str]),
-}
-
-/// How cargo runs the tool.
-const TOOL: &[&str] = &["run", "--release", "-p", "palpate", "--"];
-/// How it runs the campaigns.
-const CAMPAIGN: &[&str] = &["run", "--release", "-p", "palpate-campaigns", "--"];
 
 /// What the converter's driver does against the simulated chip.
 const DRIVER: &[&str] = &[
@@ -135,75 +123,44 @@ const TESTS: &[&str] = &[
 const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "fault-schedules",
-        purpose: "The driver under random schedules of chip and bus faults.",
-        runs: Runs::Campaign(&["fault-schedules", "--schedules", "200000", "--seed", "1"]),
+        claim: "Under random faults of chip and bus the driver calls no wrong reading good, and recovers.",
+        command: "campaign fault-schedules --schedules 200000 --seed 1",
         rests_on: DRIVER,
     },
     Campaign {
         name: "coil-guards",
-        purpose: "The coil's driver under random commands, settings, faults and clocks: what its limits let through.",
-        runs: Runs::Campaign(&["coil-guards", "--sequences", "100000", "--seed", "1"]),
+        claim: "Under random commands, settings, faults and clocks the coil's driver keeps its limits.",
+        command: "campaign coil-guards --sequences 100000 --seed 1",
         rests_on: COIL,
     },
     Campaign {
         name: "hostile-bytes",
-        purpose: "The instrument under whatever bytes come over its links: what is answered, and what the coil \
-                  carries meanwhile.",
-        runs: Runs::Campaign(&["hostile-bytes", "--frames", "1000000", "--seed", "1"]),
+        claim: "Under random and hostile bytes the instrument answers each command once and keeps the limits of the coil.",
+        command: "campaign hostile-bytes --frames 1000000 --seed 1",
         rests_on: BOARD,
     },
     Campaign {
         name: "fuzz",
-        purpose: "A fuzzer on what takes bytes: the instrument's links, the decoders, and the storage over any \
-                  contents of its flash.",
-        runs: Runs::Cargo(&["xtask", "fuzz", "--seconds", "600", "--seed", "1"]),
+        claim: "A fuzzer on links, decoders and the storage finds no input that breaks a promise.",
+        command: "xtask fuzz --seconds 600 --seed 1",
         rests_on: BOARD,
     },
     Campaign {
         name: "hostile-files",
-        purpose: "Mutants of every kind of file that the tool reads: how it ends, in what time, and what it changes.",
-        runs: Runs::Cargo(&[
-            "--config",
-            "env.HOSTILE_MUTANTS='500'",
-            "--config",
-            "env.HOSTILE_SEED='40001'",
-            "test",
-            "--locked",
-            "-p",
-            "palpate",
-            "--test",
-            "integration",
-            "--",
-            "hostile_files",
-            "--nocapture",
-        ]),
+        claim: "Mutants of every kind of file that the tool reads: how it ends, in what time, and what it changes.",
+        command: "--config env.HOSTILE_MUTANTS='500' --config env.HOSTILE_SEED='40001' test --locked -p palpate --test integration -- hostile_files --nocapture",
         rests_on: TOOL_FILES,
     },
     Campaign {
         name: "hostile-connections",
-        purpose: "Programs that misuse the tool's ports, and false boards: whether those that behave are served after.",
-        runs: Runs::Cargo(&[
-            "--config",
-            "env.HOSTILE_ATTACKS='500'",
-            "--config",
-            "env.HOSTILE_SEED='40001'",
-            "test",
-            "--locked",
-            "-p",
-            "palpate",
-            "--test",
-            "integration",
-            "--",
-            "hostile_connections",
-            "--nocapture",
-        ]),
+        claim: "Programs that misuse its ports, and false boards, leave the tool serving those that behave.",
+        command: "--config env.HOSTILE_ATTACKS='500' --config env.HOSTILE_SEED='40001' test --locked -p palpate --test integration -- hostile_connections --nocapture",
         rests_on: DESK,
     },
     Campaign {
         name: "storage",
-        purpose: "Settings and calibration in the flash: every bit turned, garbage, pairs of power cuts, and the \
-                  wear of many saves.",
-        runs: Runs::Campaign(&["storage", "--seed", "1"]),
+        claim: "Turned bits, garbage and cuts of power change no stored value unnoticed, and saves wear the flash evenly.",
+        command: "campaign storage --seed 1",
         rests_on: &[
             "firmware/storage",
             "firmware/wire/src",
@@ -212,193 +169,146 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "sigma",
-        purpose: "The stated standard deviation against the spread that is observed.",
-        runs: Runs::Campaign(&["sigma", "--seed", "1"]),
+        claim: "The stated standard deviation of a reading is that of the observed spread.",
+        command: "campaign sigma --seed 1",
         rests_on: DRIVER,
     },
     Campaign {
         name: "series",
-        purpose: "Presses in a row, in a world that goes on: contacts, refusals and intervals.",
-        runs: Runs::Campaign(&["series", "--plants", "200", "--seed", "600001"]),
+        claim: "Presses in a row, in a world that goes on, are found, and their intervals hold.",
+        command: "campaign series --plants 200 --seed 600001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "claims",
-        purpose: "How often the 95 % intervals of the stiffness hold, on simulated sensors that were \
-                  each calibrated on their own bench.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "500",
-            "--seed",
-            "920001",
-            "--loads",
-            "0.1,0.2,0.5,1,2,5,10,block",
-        ]),
+        claim: "The 95 % intervals of the stiffness hold on sensors that were each calibrated on their own bench.",
+        command: "run --release -p palpate -- campaign --plants 500 --seed 920001 --loads 0.1,0.2,0.5,1,2,5,10,block",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "temperatures",
-        purpose: "The same, of sensors that were calibrated at two temperatures, 20 K apart.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "300",
-            "--seed",
-            "930001",
-            "--temperatures",
-            "2",
-        ]),
+        claim: "The 95 % intervals of the stiffness hold on sensors that were calibrated at two temperatures, 20 K apart.",
+        command: "run --release -p palpate -- campaign --plants 300 --seed 930001 --temperatures 2",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "worlds",
-        purpose: "What a press is worth where something is another than on the bench: each sensor presses in all \
-                  worlds that the campaign knows.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "12",
-            "--seed",
-            "710001",
-            "--all-worlds",
-        ]),
+        claim: "What a press is worth where something differs from the bench.",
+        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "checked-worlds",
-        purpose: "The same after a check of each calibration, in its world, by a spring that is known to 1 %.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "12",
-            "--seed",
-            "710001",
-            "--all-worlds",
-            "--check-spring",
-        ]),
+        claim: "What a press is worth where something differs from the bench, after a check by a spring that is known to 1 %.",
+        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-spring",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "untouched-worlds",
-        purpose: "The same after both checks: by a train on the untouched sensor, and by a known spring.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "12",
-            "--seed",
-            "710001",
-            "--all-worlds",
-            "--check-untouched",
-            "--check-spring",
-        ]),
+        claim: "What a press is worth where something differs from the bench, after checks by a train on the untouched sensor and by a known spring.",
+        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-untouched --check-spring",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "ablation",
-        purpose: "What each part of the chain is worth: errors and intervals of the same sensors with a bench at one \
-                  and at two temperatures, with and without a check, and with parts left out.",
-        runs: Runs::Campaign(&["ablation", "--plants", "16", "--seed", "870001"]),
+        claim: "What each part of the chain is worth: the same presses with a part added or left out.",
+        command: "campaign ablation --plants 16 --seed 870001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "efficiency",
-        purpose: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound of what bench and press \
-                  read, and where the rest is lost.",
-        runs: Runs::Campaign(&["efficiency", "--plants", "40", "--seed", "810001"]),
+        claim: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound.",
+        command: "campaign efficiency --plants 40 --seed 810001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "misfit",
-        purpose: "What a press is worth whose disturbance the calibration left out: how many are refused as misfits, \
-                  and how often the others' intervals hold.",
-        runs: Runs::Campaign(&["misfit", "--plants", "17", "--seed", "660001"]),
+        claim: "A press with a disturbance that the calibration left out is refused, or its interval holds, where the disturbance bends the line.",
+        command: "campaign misfit --plants 17 --seed 660001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "springs",
-        purpose: "A calibration by springs alone beside one with a load cell, on the same sensors: errors and \
-                  coverage; and what good sessions come to in the checks that refuse bad ones.",
-        runs: Runs::Campaign(&["springs", "--plants", "50", "--seed", "30001"]),
+        claim: "A calibration by springs alone beside one with a load cell; what good sessions come to in the checks.",
+        command: "campaign springs --plants 50 --seed 30001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "field-accuracy",
-        purpose: "The field solver on every built-in design: estimated against true errors, profiles, forces, energy.",
-        runs: Runs::Campaign(&["field-accuracy"]),
+        claim: "The field solver's estimated errors cover the true ones on every built-in design.",
+        command: "campaign field-accuracy",
         rests_on: FIELD,
     },
     Campaign {
         name: "field-front",
-        purpose: "The best design of the field for each power, from 20 starts; what one of them is worth where \
-                  stiffness is measured.",
-        runs: Runs::Cargo(&["xtask", "field-front", "--plants", "30", "--seed", "1"]),
+        claim: "The best design of the field for each power, and what one of them is worth where stiffness is measured.",
+        command: "xtask field-front --plants 30 --seed 1",
         rests_on: FRONT,
     },
     Campaign {
+        name: "field-peers",
+        claim: "The field solver beside NGSolve and GetDP: agreement and time.",
+        command: "xtask field-peers",
+        rests_on: &["model/field/src", "xtask/src/field_peers"],
+    },
+    Campaign {
         name: "planted-defects",
-        purpose: "Tests of the tests: each planted defect has to turn a test red.",
-        runs: Runs::Cargo(&["xtask", "planted-defects"]),
+        claim: "Tests of the tests: each planted defect turns a test red.",
+        command: "xtask planted-defects",
         rests_on: TESTS,
     },
     Campaign {
         name: "image-faults",
-        purpose: "Faults of bus and converter and crashes in mid-ramp, on the firmware's image.",
-        runs: Runs::Campaign(&["image-faults"]),
+        claim: "The image recovers from faults of bus and converter, and turns the bridge off after a crash in mid-ramp, in time.",
+        command: "campaign image-faults",
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-storage",
-        purpose: "Settings and calibration in the flash of the firmware's image: cuts of power at every \
-                  operation, bits that flip, and all that goes on beside a save.",
-        runs: Runs::Campaign(&["image-storage"]),
+        claim: "Settings and calibration in the flash of the image withstand cuts of power and flipped bits; a save delays nothing.",
+        command: "campaign image-storage",
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-rates",
-        purpose: "Rates, latencies and losses of the firmware's image.",
-        runs: Runs::Campaign(&["image-rates"]),
+        claim: "Rates, latencies and losses of the image.",
+        command: "campaign image-rates",
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-starts",
-        purpose: "Time stamps of the firmware's image after starts of the converter and changes of settings.",
-        runs: Runs::Campaign(&["image-starts"]),
+        claim: "After starts of the converter and changes of settings every time stamp is right or its sample marked.",
+        command: "campaign image-starts",
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-usb",
-        purpose: "The firmware's image at a USB host: streams, interruptions, control transfers of any kind, \
-                  rubbish, new starts, while the coil is driven.",
-        runs: Runs::Campaign(&["image-usb", "--seed", "1"]),
+        claim: "At a USB host the image streams, answers and starts again, while the coil is driven.",
+        command: "campaign image-usb --seed 1",
         rests_on: IMAGE,
     },
     Campaign {
         name: "coil-current",
-        purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
-                  inductance and supply, errors before calibration and over weeks, two minutes of full \
-                  telemetry.",
-        runs: Runs::Campaign(&["coil-current"]),
+        claim: "The coil's current over resistance, inductance and supply, before calibration, over weeks, and under full telemetry.",
+        command: "campaign coil-current",
         rests_on: IMAGE,
     },
     Campaign {
         name: "acceptance",
-        purpose: "From nothing to a calibrated reading, by the commands that a user types: `calibrate sensor`, then \
-                  `measure` in another process, on emulated boards.",
-        runs: Runs::Campaign(&["acceptance", "--boards", "5", "--seed", "1"]),
+        claim: "From nothing to a calibrated reading, by the commands that a user types, on emulated boards.",
+        command: "campaign acceptance --boards 5 --seed 1",
         rests_on: DESK,
     },
     Campaign {
         name: "recordings",
-        purpose: "Recordings of emulated boards: for ten minutes, killed at random times, on a full disk, and \
-                  replayed.",
-        runs: Runs::Campaign(&["recordings", "--seed", "4001"]),
+        claim: "Recordings of emulated boards are whole after ten minutes, after a kill and on a full disk, and replay to the bit.",
+        command: "campaign recordings --seed 4001",
         rests_on: DESK,
     },
     Campaign {
         name: IMAGE_COST,
-        purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
-        runs: Runs::Campaign(&["image-cost", "--seed", "1"]),
+        claim: "What the image costs of processor, flash and memory.",
+        command: "campaign image-cost --seed 1",
         rests_on: IMAGE,
     },
 ];
@@ -408,18 +318,14 @@ pub(crate) const IMAGE_COST: &str = "image-cost";
 
 impl Campaign {
     fn invocation(&self) -> Invocation {
-        match self.runs {
-            Runs::Tool(arguments) => Invocation::cargo(&[TOOL, arguments].concat()),
-            Runs::Campaign(arguments) => Invocation::cargo(&[CAMPAIGN, arguments].concat()),
-            Runs::Cargo(arguments) => Invocation::cargo(arguments),
-        }
+        Invocation::cargo(&self.command.split(' ').collect::<Vec<_>>())
     }
 }
 
-/// Prints every campaign with its purpose and command.
+/// Prints every campaign with its claim and command.
 pub(crate) fn list() {
     for campaign in CAMPAIGNS {
-        println!("{}: {}", campaign.name, campaign.purpose);
+        println!("{}: {}", campaign.name, campaign.claim);
         println!("    $ {}", campaign.invocation());
     }
 }
@@ -429,7 +335,7 @@ pub(crate) fn exists(name: &str) -> bool {
     CAMPAIGNS.iter().any(|campaign| campaign.name == name)
 }
 
-/// Runs a campaign and writes its file.
+/// Runs a campaign and keeps its result.
 pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
     let Some(campaign) = CAMPAIGNS.iter().find(|campaign| campaign.name == name) else {
         let known: Vec<_> = CAMPAIGNS.iter().map(|campaign| campaign.name).collect();
@@ -441,67 +347,52 @@ pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
     // Read before the run: it is this state of the sources that the run builds.
     let origin = Origin::read(workspace, FOLDER)?;
     let invocation = campaign.invocation();
-    let text = perform(workspace, campaign, &invocation, origin)?;
-    write(workspace, name, &text)
+    write(
+        workspace,
+        &perform(workspace, campaign, &invocation, origin)?,
+    )
 }
 
-/// Keeps the result of a campaign that is a verb of its own, since it needs programs from elsewhere.
-pub(crate) fn keep(
-    workspace: &Workspace,
-    name: &str,
-    purpose: &str,
-    command: &str,
-    rests_on: &[&str],
-    campaign: impl FnOnce() -> Result<String>,
-) -> Result<()> {
-    let origin = Origin::read(workspace, FOLDER)?;
-    let start = Instant::now();
-    let result = campaign()?;
-    let record = Record {
-        name,
-        verb: name.to_owned(),
-        purpose,
-        command: command.to_owned(),
-        seed: None,
-        origin,
-        rests_on,
-        seconds: start.elapsed().as_secs(),
-    };
-    write(workspace, name, &record.render(&result))
-}
-
-/// Writes the file of a campaign.
-fn write(workspace: &Workspace, name: &str, text: &str) -> Result<()> {
+/// Writes the row and the page of a campaign.
+fn write(workspace: &Workspace, record: &Record) -> Result<()> {
     let folder = workspace.root().join(FOLDER);
-    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
-    fs::write(folder.join(format!("{name}.md")), text)
-        .with_context(|| format!("{FOLDER}/{name}.md could not be written"))?;
-    println!("written: {FOLDER}/{name}.md");
+    let overview = folder.join(OVERVIEW);
+    let text = fs::read_to_string(&overview)
+        .with_context(|| format!("{FOLDER}/{OVERVIEW} could not be read"))?;
+    let page = folder.join(format!("{}.md", record.name));
+    if !record.details.is_empty() {
+        fs::write(&page, record.page())?;
+    } else if page.exists() {
+        fs::remove_file(&page)?;
+    }
+    fs::write(
+        &overview,
+        document::with_row(&text, record.name, &record.row()),
+    )?;
+    println!("written: the row of {} in {FOLDER}/{OVERVIEW}", record.name);
     Ok(())
 }
 
-/// Runs a campaign and returns the text of its file.
+/// Runs a campaign and returns what is kept of it.
 fn perform(
     workspace: &Workspace,
     campaign: &Campaign,
     invocation: &Invocation,
     origin: Origin,
-) -> Result<String> {
+) -> Result<Record> {
     let start = Instant::now();
     let printed = observe(workspace, invocation)?;
-    let record = Record {
-        name: campaign.name,
-        verb: format!("evidence {}", campaign.name),
-        purpose: campaign.purpose,
-        command: invocation.to_string(),
-        seed: seed(invocation),
-        origin,
-        rests_on: campaign.rests_on,
-        seconds: start.elapsed().as_secs(),
-    };
-    let result = document::result(&printed)
+    let (figure, details) = document::result(&printed)
         .with_context(|| format!("`{invocation}` printed no usable result"))?;
-    Ok(record.render(result))
+    Ok(Record {
+        name: campaign.name,
+        claim: campaign.claim,
+        command: invocation.to_string(),
+        origin,
+        seconds: start.elapsed().as_secs(),
+        figure,
+        details,
+    })
 }
 
 /// Runs a command, shows its output as it comes, and returns what went to standard output.
@@ -536,13 +427,6 @@ fn observe(workspace: &Workspace, invocation: &Invocation) -> Result<String> {
     Ok(printed)
 }
 
-/// The argument after `--seed`.
-fn seed(invocation: &Invocation) -> Option<String> {
-    let arguments = invocation.arguments();
-    let at = arguments.iter().position(|argument| argument == "--seed")?;
-    arguments.get(at + 1).cloned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -558,7 +442,7 @@ mod tests {
         if kind == "sound" || kind == "failing" {
             println!("progress, which is not kept");
             println!("{BEGIN}");
-            println!("## Result\n\n3 of 3 schedules recovered.");
+            println!("3 of 3 schedules recovered.\n\n## Schedules");
             println!("{END}");
             println!("more that is not kept");
         }
@@ -568,7 +452,7 @@ mod tests {
     }
 
     /// Runs this test program as a campaign.
-    fn perform_fake(kind: &'static str) -> Result<String> {
+    fn perform_fake(kind: &'static str) -> Result<Record> {
         let program = env::current_exe().unwrap();
         let test = "evidence::tests::fake_campaign";
         let invocation =
@@ -582,28 +466,39 @@ mod tests {
         let invocation = invocation.with_env(KIND, kind);
         let campaign = Campaign {
             name: "trial",
-            purpose: "A trial.",
-            runs: Runs::Cargo(&[]),
+            claim: "A trial.",
+            command: "",
             rests_on: &["xtask/src"],
         };
         perform(&workspace, &campaign, &invocation, origin)
     }
 
     #[test]
-    fn a_campaign_is_wrapped_with_its_origin() {
-        let text = perform_fake("sound").unwrap();
-        assert!(
-            text.starts_with("# Evidence: trial\n\nA trial.\n"),
-            "{text}"
-        );
-        assert!(text.contains("fake_campaign"), "{text}");
-        assert!(text.contains("| Commit | 0123abcd |"), "{text}");
-        assert!(text.contains("| Rests on | `xtask/src` |"), "{text}");
-        assert!(
-            text.ends_with("\n## Result\n\n3 of 3 schedules recovered.\n"),
-            "{text}"
-        );
-        assert!(!text.contains("not kept"), "{text}");
+    fn a_campaign_is_kept_with_its_command_and_result() {
+        let record = perform_fake("sound").unwrap();
+        assert!(record.command.contains("fake_campaign"), "{record:?}");
+        assert_eq!(record.figure, "3 of 3 schedules recovered.");
+        assert_eq!(record.details, "## Schedules");
+    }
+
+    /// So that one engineer can read them.
+    #[test]
+    fn pages_are_short_and_every_campaign_has_one_row() {
+        let folder = Workspace::find(None).unwrap().root().join(FOLDER);
+        let overview = fs::read_to_string(folder.join(OVERVIEW)).unwrap();
+        for Campaign { name, claim, .. } in CAMPAIGNS {
+            let rows = overview
+                .lines()
+                .filter(|line| line.contains(&format!(" | {claim} | ")));
+            assert!(rows.count() <= 1, "{name}");
+            if let Ok(page) = fs::read_to_string(folder.join(format!("{name}.md"))) {
+                assert!(page.lines().count() <= 45, "{name}");
+                assert!(
+                    overview.contains(&format!("| [{name}]({name}.md) | {claim} | ")),
+                    "{name}"
+                );
+            }
+        }
     }
 
     #[test]
@@ -630,6 +525,7 @@ mod tests {
         const WITHOUT_CHANCE: &[&str] = &[
             "planted-defects",
             "field-accuracy",
+            "field-peers",
             "image-faults",
             "image-rates",
             "image-starts",
@@ -639,7 +535,11 @@ mod tests {
             "hostile-connections",
         ];
         for (index, campaign) in CAMPAIGNS.iter().enumerate() {
-            let seeded = seed(&campaign.invocation()).is_some();
+            let invocation = campaign.invocation();
+            let seeded = invocation
+                .arguments()
+                .iter()
+                .any(|argument| argument == "--seed");
             let chance = !WITHOUT_CHANCE.contains(&campaign.name);
             assert_eq!(seeded, chance, "{}", campaign.name);
             assert!(

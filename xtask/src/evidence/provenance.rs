@@ -33,7 +33,10 @@ impl Origin {
 fn commit(workspace: &Workspace, results: &str) -> Result<String> {
     let explain = "evidence names the commit it stands for; run it in a clone with a commit";
     let commit = workspace
-        .output(&Invocation::new("git", &["rev-parse", "HEAD"]))
+        .output(&Invocation::new(
+            "git",
+            &["rev-parse", "--short=12", "HEAD"],
+        ))
         .context(explain)?;
     let exclude = format!(":(exclude){results}");
     let changes = workspace

@@ -5,6 +5,7 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use super::cases::Case;
+use super::page::range;
 use super::{EQUAL, PeerBench, PeerResult, number, ours, text};
 use crate::process::Invocation;
 
@@ -43,7 +44,8 @@ struct Median {
     error: f64,
 }
 
-pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<String> {
+/// Range of our times over those of NGSolve, and the table.
+pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<(String, String)> {
     bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
     let mut rows = Vec::new();
     for case in cases.iter().filter(|case| NAMES.contains(&case.name)) {
@@ -51,7 +53,12 @@ pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<String> {
         println!("{}", row.line());
         rows.push(row);
     }
-    Ok(render(&rows))
+    println!("Chosen settings: {}.", chosen(&rows));
+    let ratios = rows.iter().flat_map(|row| {
+        let peers = row.peers.iter().flatten();
+        peers.map(|(_, peer)| row.ours.wall_s / peer.wall_s)
+    });
+    Ok((range(&ratios.collect::<Vec<_>>()), render(&rows)))
 }
 
 fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
@@ -226,8 +233,7 @@ impl Row {
 
 fn render(rows: &[Row]) -> String {
     let mut text = format!(
-        "## Time beside the leanest deck of NGSolve\n\n\
-         The deck is `xtask/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
+        "Beside the leanest deck of NGSolve, `xtask/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
          the core. For each case and each of netgen's two ways to make triangles the quickest of some settings (order, \
          sizes) within 1e-4 of the truth is chosen, with one thread or two. Then {RUNS} runs of each program in turns, every one \
          a process of its own; medians. NGSolve without the import of its libraries; ours is the whole program from its \
@@ -239,7 +245,11 @@ fn render(rows: &[Row]) -> String {
         text.push_str(&row.line());
         text.push('\n');
     }
-    text.push_str("\nChosen settings: ");
+    text
+}
+
+/// The settings of NGSolve's deck.
+fn chosen(rows: &[Row]) -> String {
     let chosen = rows.iter().map(|row| {
         let settings = row.peers.iter().flatten().map(|(setting, _)| {
             let of = |key: &str| setting[key].to_string();
@@ -261,10 +271,7 @@ fn render(rows: &[Row]) -> String {
         let settings: Vec<String> = settings.collect();
         format!("{} ({})", row.case.name, settings.join("; "))
     });
-    let chosen: Vec<String> = chosen.collect();
-    text.push_str(&chosen.join(", "));
-    text.push_str(".\n");
-    text
+    chosen.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The field solver against two others: NGSolve from the Python package index, and GetDP with Gmsh
 //! from Debian. `cargo xtask field-peers` installs them, writes their decks, runs all three on
-//! every named case and writes `docs/evidence/field-peers.md`. It is not part of the gate.
+//! every named case and prints the result. It is not part of the gate.
 
 mod cases;
 mod lean;
@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde_json::Value;
 
+use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
 use crate::tool;
 use cases::{CASES, Case};
@@ -35,7 +36,6 @@ const EQUAL: f64 = 1e-4;
 /// Result of a program on one mesh.
 #[derive(Debug, Clone, Copy, Default)]
 struct PeerResult {
-    unknowns: f64,
     wall_s: f64,
     peak_mb: f64,
     core_mean_t: f64,
@@ -59,8 +59,7 @@ struct Compared {
     getdp: Vec<PeerResult>,
 }
 
-/// Runs everything and writes the page; or runs one case, or only the comparison with the fastest
-/// deck, and prints the result.
+/// Runs everything, one case, or only the comparison with the fastest deck, and prints the result.
 pub(crate) fn compare(
     workspace: &Workspace,
     python: Option<PathBuf>,
@@ -76,31 +75,23 @@ pub(crate) fn compare(
     };
     if lean {
         let bench = PeerBench::prepare(workspace, python, &[])?;
-        println!("{}", lean::table(&bench, cases)?);
+        println!("{}", lean::table(&bench, cases)?.1);
         return Ok(());
     }
-    if only.is_some() {
-        println!("{}", run(workspace, python, cases)?);
-        return Ok(());
-    }
-    let purpose = "The field solver beside NGSolve and GetDP on every named case.";
-    let command = "cargo xtask field-peers";
-    let rests_on = &["model/field/src", "xtask/src/field_peers"];
-    crate::evidence::keep(workspace, "field-peers", purpose, command, rests_on, || {
-        run(workspace, python, &CASES)
-    })
-}
-
-fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result<String> {
     let bench = PeerBench::prepare(workspace, python, &["gmsh", "getdp"])?;
     bench.write("with_ngsolve.py", include_str!("with_ngsolve.py"))?;
-    let lean = lean::table(&bench, cases)?;
+    let (ratios, lean) = lean::table(&bench, cases)?;
     let mut rows = Vec::new();
     for case in cases {
         println!("{}", case.name);
         rows.push(bench.compare(case)?);
     }
-    Ok(format!("{}\n{lean}", page::render(&rows)))
+    let (figure, table) = page::render(&rows);
+    println!(
+        "{BEGIN}\n{figure}, and {ratios} of that of its leanest deck.\n\n{table}\n{}\n{END}",
+        lean.trim_end()
+    );
+    Ok(())
 }
 
 /// Installs tools from Debian.
@@ -236,7 +227,6 @@ impl PeerBench<'_> {
             let line = printed.lines().find(|line| line.starts_with('{'));
             let result: Value = serde_json::from_str(line.context("NGSolve printed no result")?)?;
             rows.push(PeerResult {
-                unknowns: number(&result, "unknowns")?,
                 wall_s: number(&result, "wall_s")?,
                 peak_mb: usage.peak_mb,
                 core_mean_t: number(&result, "core_mean_T")?,
@@ -285,12 +275,7 @@ impl PeerBench<'_> {
         };
         let centre = read("centre")?;
         let [volume, first, linkage] = [last("volume")?, last("first")?, last("linkage")?];
-        let mesh_text = fs::read_to_string(&mesh)?;
-        let mut lines = mesh_text.lines();
-        lines.find(|line| *line == "$Nodes");
-        let nodes: f64 = lines.next().context("no nodes")?.parse()?;
         Ok(PeerResult {
-            unknowns: nodes,
             wall_s: meshed.wall_s + solved.wall_s,
             peak_mb: meshed.peak_mb.max(solved.peak_mb),
             core_mean_t: first / volume,
@@ -311,7 +296,6 @@ fn ours(case: &Case, document: &Value, usage: &Usage) -> Result<PeerResult> {
         (document, "core_mean_T_per_A", "centre_T_per_A")
     };
     Ok(PeerResult {
-        unknowns: number(document, "unknowns")?,
         wall_s: usage.wall_s,
         peak_mb: usage.peak_mb,
         core_mean_t: number(figures, mean)?,

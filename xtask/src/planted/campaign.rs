@@ -1,8 +1,6 @@
 //! The campaign `planted-defects`: plants each defect of the tests' list and runs the tests that
 //! must find it.
 
-use std::fmt::Write as _;
-
 use anyhow::{Result, bail};
 
 use super::{Patch, copy, list};
@@ -17,32 +15,29 @@ const BUILD: &str = "target/planted-defects/build";
 
 /// Tries every defect and prints the tests that found it; fails if one is not found.
 pub(crate) fn run(workspace: &Workspace) -> Result<()> {
-    let mut text = String::from("| planted defect | found by | red tests |\n|---|---|---|\n");
+    let defects = list(workspace, LIST)?;
+    let count = defects.len();
     let mut missed = Vec::new();
-    for defect in list(workspace, LIST)? {
+    for defect in defects {
         let red = try_out(workspace, &defect)?;
-        let is_found = !red.is_empty();
-        eprintln!(
-            "{}: {}",
-            defect.name,
-            if is_found { "found" } else { "NOT FOUND" }
-        );
-        let tests = if is_found {
-            red.join(", ")
+        let tests = if red.is_empty() {
+            "NOT FOUND".to_owned()
         } else {
-            "**none**".to_owned()
+            red.join(", ")
         };
-        writeln!(
-            text,
-            "| {} | `cargo test {}` | {tests} |",
+        println!(
+            "{}, `cargo test {}`: {tests}",
             defect.name,
             defect.test.join(" ")
-        )?;
-        if !is_found {
+        );
+        if red.is_empty() {
             missed.push(defect.name);
         }
     }
-    println!("{BEGIN}\n{}\n{END}", text.trim_end());
+    println!(
+        "{BEGIN}\n{} of {count} planted defects turn a test red.\n{END}",
+        count - missed.len()
+    );
     if missed.is_empty() {
         return Ok(());
     }
