@@ -166,6 +166,5 @@ fn report_plans(text: &mut String, arguments: &Arguments) -> bool {
             );
         }
     }
-    let holds = !ratios.is_empty() && ratios.iter().all(|(_, rms)| OF_A_PLAN.contains(rms));
-    holds
+    !ratios.is_empty() && ratios.iter().all(|(_, rms)| OF_A_PLAN.contains(rms))
 }
