@@ -135,10 +135,10 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "evidence-age",
-            purpose: "which pages of evidence are older than their code; age alone fails nothing",
+            purpose: "which results of campaigns are older than their code; age alone fails nothing",
             needs: Vec::new(),
             action: Action::Check(evidence::check_age),
-            remedy: "name a commit and paths of this repository in the page's table",
+            remedy: "name a commit of this repository in the row, and paths of it in xtask/src/evidence/mod.rs",
         },
         Step {
             name: "spelling",

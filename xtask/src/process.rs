@@ -182,10 +182,6 @@ impl Invocation {
         self
     }
 
-    pub(crate) fn arguments(&self) -> &[String] {
-        &self.arguments
-    }
-
     /// The process, ready to be started.
     pub(crate) fn command(&self, workspace: &Workspace) -> Command {
         let mut command = workspace.command(&self.program);
