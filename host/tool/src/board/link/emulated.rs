@@ -13,6 +13,10 @@ use crate::board::emulated::{Pace, PluggedBoard};
 /// Time between two polls of the port.
 const SLICE: Time = Time::from_us(250);
 
+/// Longest time from the first question to the identity: 190 ms pass from power on until the image answers
+/// (`palpate settings get --board emulated`), and half a second takes up to 5 s of processor time.
+const PATIENCE: Duration = Duration::from_millis(500);
+
 /// Connection to the emulated board.
 pub(super) struct Emulated {
     board: PluggedBoard,
@@ -67,6 +71,10 @@ impl Transport for Emulated {
 
     fn reopen(&mut self) -> io::Result<()> {
         Ok(())
+    }
+
+    fn patience(&self) -> Duration {
+        PATIENCE
     }
 
     fn emulated(&mut self) -> Option<&mut PluggedBoard> {

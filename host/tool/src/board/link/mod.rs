@@ -154,7 +154,7 @@ impl Link {
     }
 
     fn ask_who_it_is(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
-        let end = self.now() + PATIENCE;
+        let end = self.now() + self.transport.patience();
         while self.now() < end {
             self.send(&Command::Identify)?;
             let again = self.now() + AGAIN;

@@ -27,6 +27,12 @@ pub(crate) trait Transport {
         Vec::new()
     }
 
+    /// Longest time from the first question to the board's identity. A board that was reset enumerates on
+    /// USB and tests its coil first.
+    fn patience(&self) -> Duration {
+        super::PATIENCE
+    }
+
     /// Opens the connection again.
     ///
     /// # Errors
