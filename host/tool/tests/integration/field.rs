@@ -72,6 +72,7 @@ fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
 
 /// Of two designs on a front, the one with more power has the smaller error.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn no_design_on_a_front_beats_another() {
     let asked = [
         "front", "closed", "--power", "5..10", "--starts", "2", "--budget", "4",
@@ -274,6 +275,7 @@ fn a_sweep_keeps_every_point() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn an_optimum_within_bounds() {
     let text = printed(&[
         "optimise",
@@ -378,6 +380,7 @@ fn an_optimisation_leads_to_the_error_that_is_planned() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn an_inductance_has_one_name() {
     let solved = printed(&["solve", "air", "--matrix", "--accuracy", "1e-3"]);
     assert!(solved.contains("  inductance L  "), "{solved}");

@@ -53,6 +53,7 @@ fn run(folder: &Path, scenario: &str, arguments: &[&str]) -> Output {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn the_log_has_its_lines_and_the_trace_its_signals() {
     let folder = tempfile::tempdir().unwrap();
     let trace = folder.path().join("touch.vcd");

@@ -23,6 +23,7 @@ fn of_boots(count: u32) -> Vec<Value> {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn the_time_for_a_file_does_not_grow_with_the_square_of_its_boots() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
