@@ -532,6 +532,7 @@ fn the_control_interrupt_keeps_its_time() {
 /// A level that misses its wrap takes effect a period late. Two seconds of the campaign
 /// `coil-current`, 120 000 periods.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn nothing_is_missed_under_full_telemetry() {
     for stream in [Stream::Samples, Stream::Raw] {
         let mut bench = streaming();
@@ -709,6 +710,7 @@ fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
 /// A complete train on a plant as drawn by the demonstration, with its own supply, coil and
 /// measurement errors.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_drawn_sensor_drives_its_train() {
     drawn_sensors_drive_their_trains(1..=1);
 }

@@ -40,6 +40,7 @@ fn set(bench: &mut RecordedBoard, channels: u8, rate_hz: f32, stream: Stream) ->
 /// The converter's watchdog ends a conversion after 5.2 ms. For longer and shorter conversions the
 /// fault is the sensor, and it is reported once.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
     for release in RELEASES {
         let snapshot = streaming(release, [FREQUENCIES_HZ[0], 0.0, 0.0, 0.0]);
@@ -76,6 +77,7 @@ fn limits_hz(bench: &mut RecordedBoard, channels: u8) -> [f32; 2] {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn the_rates_that_are_accepted_are_kept_without_a_loss_and_others_are_refused() {
     for release in RELEASES {
         let snapshot = streaming(release, FREQUENCIES_HZ);

@@ -136,6 +136,7 @@ fn of_second(bench: &RecordedBoard, what: &str) -> Vec<(u64, Fault)> {
 /// With any set of channels, both start without a fault, and share the bus without a loss: a frame
 /// of four channels takes 1.1 ms of bus time, in which the other converter overwrites each channel.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn both_converters_stream_with_every_number_of_channels() {
     for (channels, rate_hz) in [
         (0b0001, 1_000.0),
@@ -225,6 +226,7 @@ fn a_disturbance_of_intb_is_no_sample() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_second_converter_that_fails_costs_the_first_nothing() {
     let mut running = streaming();
     running.run(Time::from_ms(20));
