@@ -7,7 +7,7 @@
 use crate::{
     Acquisition, BusAccess, Channel, ChannelSettings, ClockDividers, Configuration, Deglitch,
     DriveCode, ErrorConfig, LimitError, Model, Noise, Rcount, ReferenceClock, SettleCount,
-    drive::{HIGHEST_AMPLITUDE_V, LOWEST_AMPLITUDE_V, LOWEST_CLEAN_AMPLITUDE_V},
+    drive::{LOWEST_AMPLITUDE_V, LOWEST_CLEAN_AMPLITUDE_V},
 };
 
 /// Limits of CLKIN in hertz: 2 to 40 MHz (datasheet 6.5).
@@ -728,12 +728,4 @@ impl Plan {
     pub fn bus_load(&self) -> f32 {
         self.frame_read_ns as f32 / self.frame_period_ns as f32
     }
-}
-
-/// Amplitude limits in millivolt, for the texts of [`LimitError`].
-pub(crate) const fn amplitude_limits_mv() -> (u32, u32) {
-    (
-        (LOWEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
-        (HIGHEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
-    )
 }

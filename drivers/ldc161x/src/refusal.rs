@@ -2,7 +2,10 @@
 
 use core::fmt;
 
-use crate::{Channel, Model, Rcount, plan::amplitude_limits_mv};
+use crate::{
+    Channel, Model, Rcount,
+    drive::{HIGHEST_AMPLITUDE_V, LOWEST_AMPLITUDE_V},
+};
 
 /// The limit that a request would break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -263,3 +266,11 @@ impl fmt::Display for LimitError {
 }
 
 impl core::error::Error for LimitError {}
+
+/// Amplitude limits in millivolt, for the texts of [`LimitError`].
+const fn amplitude_limits_mv() -> (u32, u32) {
+    (
+        (LOWEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
+        (HIGHEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
+    )
+}
