@@ -5,12 +5,12 @@ use crate::faults::{
     ChipFault, Disturbances, FaultChange, FaultEvent, FaultId, FaultState, Lost, Schedule,
     ScheduleFull,
 };
-use crate::i2c::{Link, Traffic};
+use crate::i2c_state::{Link, Traffic};
 use crate::random::Random;
 use crate::registers::{RegisterFile, address};
 use crate::results::{Reporting, Results};
 use crate::sensor::Sensors;
-use crate::sequence::Sequence;
+use crate::sequence_state::Sequence;
 use crate::settings::{ExternalClock, Settings};
 use crate::time::Time;
 

@@ -22,11 +22,13 @@ mod drive;
 mod errors;
 mod faults;
 mod i2c;
+mod i2c_state;
 mod random;
 pub mod registers;
 mod results;
 mod sensor;
 mod sequence;
+mod sequence_state;
 mod settings;
 mod switches;
 mod time;
@@ -44,7 +46,8 @@ pub use faults::{
     ChipFault, Disturbances, FAULT_SLOTS, FaultEvent, FaultId, FaultState, Lost, Path,
     ScheduleFull, Span, Strike, Trigger,
 };
-pub use i2c::{Ack, Traffic};
+pub use i2c::Ack;
+pub use i2c_state::Traffic;
 pub use results::CHANNELS;
 pub use sensor::{Sensors, Tank, Window};
 pub use settings::{Conversions, ExternalClock, InternalClock, PartNumber, SensorDrive, Settings};

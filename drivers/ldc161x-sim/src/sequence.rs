@@ -7,87 +7,16 @@ use crate::drive::{
     drive_current_a,
 };
 use crate::errors::Errors;
-use crate::results::CHANNELS;
 use crate::sensor::Sensors;
+use crate::sequence_state::SequenceStep;
 use crate::settings::PartNumber;
 use crate::switches::SleepExit;
-use crate::time::{Moment, Time};
+use crate::time::Moment;
 
 /// Frequency below which the watchdog sees no oscillation, Hz (SNOA959 3.3).
 const SLOWEST_SENSOR_HZ: f64 = 250.0;
 /// Code of the largest current, used by full-current activation (datasheet 8.1.4.2).
 const FULL_CURRENT_CODE: u8 = 31;
-
-/// Current step of the schedule.
-#[derive(Clone, Copy, Debug)]
-enum SequenceStep {
-    /// Asleep, shut down or without supply.
-    Idle,
-    /// The 16 384 periods of the internal oscillator after sleep.
-    StartUp,
-    /// The oscillation of a channel builds up.
-    Activation,
-    /// A channel is counted.
-    Conversion(Gate),
-    /// Pause between a conversion and the next step.
-    Pause,
-}
-
-/// State of the schedule.
-#[derive(Clone, Debug)]
-pub(crate) struct Sequence {
-    step: SequenceStep,
-    channel: u8,
-    ends: Moment,
-    /// Length and end of the last activation.
-    settle_s: f64,
-    settled: Moment,
-    /// Phase of the divided sensor signal, cycles.
-    phase: f64,
-    /// Time at which the watchdog acts, unless it sees an oscillation and a reference before.
-    watchdog: Moment,
-    /// Codes that the amplitude calibration has found since the chip left sleep.
-    calibrated: [Option<u8>; CHANNELS],
-}
-
-impl Sequence {
-    pub(crate) fn new() -> Self {
-        let start = Moment::at(Time::ZERO);
-        Self {
-            step: SequenceStep::Idle,
-            channel: 0,
-            ends: Moment::NEVER,
-            settle_s: 0.0,
-            settled: start,
-            phase: 0.0,
-            watchdog: Moment::NEVER,
-            calibrated: [None; CHANNELS],
-        }
-    }
-
-    /// Stops; the next start calibrates again.
-    pub(crate) fn halt(&mut self) {
-        self.step = SequenceStep::Idle;
-        self.ends = Moment::NEVER;
-        self.calibrated = [None; CHANNELS];
-    }
-
-    /// Records a register write during a conversion.
-    pub(crate) fn disturb(&mut self) {
-        if let SequenceStep::Conversion(gate) = &mut self.step {
-            gate.disturbed = true;
-        }
-    }
-
-    fn enter(&mut self, step: SequenceStep, ends: Moment) {
-        self.step = step;
-        self.ends = ends;
-    }
-
-    fn measures(&self) -> bool {
-        !matches!(self.step, SequenceStep::Idle | SequenceStep::StartUp)
-    }
-}
 
 impl<S: Sensors> Chip<S> {
     /// Time at which the schedule next needs attention.
