@@ -227,27 +227,6 @@ impl MagneticPart {
 }
 
 impl Design {
-    /// Reads a design from its text. `file` is used in messages; files that the text refers to are
-    /// read from the same folder.
-    ///
-    /// ```
-    /// use palpate_field::design::{Design, builtin_text};
-    ///
-    /// let text = builtin_text("A").unwrap_or_default();
-    /// assert_eq!(Design::parse("A.toml", text)?.coils.len(), 4);
-    ///
-    /// let text = text.replace("length_unit = \"mm\"", "");
-    /// let error = Design::parse("mine.toml", &text).unwrap_err().to_string();
-    /// assert!(error.contains("length_unit: missing; allowed: \"m\", \"cm\", \"mm\", \"um\", \"in\""), "{error}");
-    /// # Ok::<(), palpate_field::design::DesignError>(())
-    /// ```
-    ///
-    /// # Errors
-    /// [`DesignError`] with line, key and the allowed values.
-    pub fn parse(file: &str, text: &str) -> Result<Self, DesignError> {
-        read::read(file, text)
-    }
-
     /// The coils that carry the constant current.
     pub fn driven_coils(&self) -> impl Iterator<Item = &RingCoil> {
         self.coils.iter().filter(|coil| coil.driven)

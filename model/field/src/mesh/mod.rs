@@ -4,6 +4,7 @@
 //! space outside is a second half-disc of the same size, with infinity at its centre: a point at
 //! the distance ρ from the centre is mapped to R²/ρ. Both share the arc's vertices.
 
+mod circle;
 mod domain;
 mod plan;
 mod quality;
@@ -12,6 +13,7 @@ mod triangulate;
 
 use std::collections::HashMap;
 
+pub use circle::Circle;
 pub use domain::build;
 pub use plan::{MeshLines, Region, Zone};
 
@@ -39,23 +41,6 @@ pub struct Mesh {
     pub circle: Circle,
     /// Regions of the triangles.
     pub regions: Vec<Region>,
-}
-
-/// The circle about a design, with its centre on the axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Circle {
-    /// Position of its centre, m.
-    pub centre_x: f64,
-    /// Radius, m.
-    pub radius: f64,
-}
-
-impl Circle {
-    /// Distance of a point from the centre.
-    #[must_use]
-    pub fn distance(&self, [r, x]: Point) -> f64 {
-        r.hypot(x - self.centre_x)
-    }
 }
 
 /// A triangle.

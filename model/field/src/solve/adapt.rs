@@ -1,38 +1,18 @@
 //! Adaptive solution: solve, estimate and refine until the figures settle.
 
+use super::accuracy::Accuracy;
 use super::assembly::Level;
 use super::evaluate::{invert, value_at};
+use super::excitation::Excitation;
 use super::indicator::{decay, jumps, mark};
 use super::judge::{
     WEAK, axis, centre_error, centre_size, close, estimate, goal, plate_peak, rough, scores,
 };
-use super::newton::{EXACT, Excitation, Pattern, SolveError, balance};
+use super::newton::{EXACT, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
 use crate::mesh;
-
-/// Requested accuracy of a solution.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Accuracy {
-    /// Estimated relative error of centre and core mean at which refinement ends.
-    pub relative: f64,
-    /// Order of the elements, 2 to 5.
-    pub order: u32,
-    /// Number of unknowns at which refinement ends in any case.
-    pub most_unknowns: usize,
-}
-
-impl Default for Accuracy {
-    /// 10⁻⁴ with cubic elements; see the benchmark in docs/field.md for the choice of the order.
-    fn default() -> Self {
-        Self {
-            relative: 1e-4,
-            order: 3,
-            most_unknowns: 400_000,
-        }
-    }
-}
 
 /// Report on a solution.
 #[derive(Clone, Debug, PartialEq)]

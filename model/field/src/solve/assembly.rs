@@ -1,6 +1,6 @@
 //! Integrals over the triangles.
 
-use super::newton::Excitation;
+use super::excitation::Excitation;
 use super::space::Space;
 use crate::design::Design;
 use crate::element::basis::BasisValues;

@@ -2,11 +2,11 @@
 
 use core::f64::consts::TAU;
 
-use super::adapt::Accuracy;
+use super::accuracy::Accuracy;
 use super::assembly::Level;
 use super::evaluate::Locator;
+use super::excitation::Excitation;
 use super::indicator::{Jumps, jumps_of_change};
-use super::newton::Excitation;
 use super::space::Space;
 use crate::design::Design;
 use crate::element::shape::Placed;

@@ -9,11 +9,13 @@
 //! space is cut off, and a dipole's far field is a constant.
 
 mod ac;
+mod accuracy;
 mod adapt;
 mod assembly;
 mod beyond;
 mod cholesky;
 mod evaluate;
+mod excitation;
 mod fixed;
 mod indicator;
 mod judge;
@@ -28,11 +30,13 @@ mod sums;
 mod working_point;
 
 pub use ac::{AcCoil, AcSolved, solve_ac};
-pub use adapt::{Accuracy, SolveReport, Solved, solve, solve_on};
+pub use accuracy::Accuracy;
+pub use adapt::{SolveReport, Solved, solve, solve_on};
 pub use assembly::{Level, integrate};
 pub use beyond::BeyondTable;
 pub use evaluate::{FieldAt, Locator};
-pub use newton::{Excitation, SolveError};
+pub use excitation::Excitation;
+pub use newton::SolveError;
 pub use pieces::Piece;
 pub use space::Space;
 pub use working_point::WorkingPoint;

@@ -2,8 +2,9 @@
 
 use super::adapt::Solved;
 use super::assembly::Level;
+use super::excitation::Excitation;
 use super::fixed::Fixed;
-use super::newton::{Excitation, Pattern, SolveError};
+use super::newton::{Pattern, SolveError};
 use crate::design::Design;
 use crate::figures::Figures;
 

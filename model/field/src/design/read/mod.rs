@@ -30,33 +30,51 @@ struct ReadMaterial {
     loss_tangent: f64,
 }
 
-/// Reads a design; see [`Design::parse`].
-pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
-    let mut reader = Reader {
-        file,
-        text,
-        metre: 1.0,
-        parameters: BTreeMap::new(),
-        files: RefCell::default(),
-    };
-    let parsed: File = toml::from_str(text).map_err(|error| {
-        let span = error.span().unwrap_or(0..0);
-        reader.error(&span, "", error.message(), "")
-    })?;
-    if let Some(span) = control_character(text) {
-        return Err(reader.error(&span, "", "has a control character", "texts without"));
+impl Design {
+    /// Reads a design from its text. `file` is used in messages; files that the text refers to are
+    /// read from the same folder.
+    ///
+    /// ```
+    /// use palpate_field::design::{Design, builtin_text};
+    ///
+    /// let text = builtin_text("A").unwrap_or_default();
+    /// assert_eq!(Design::parse("A.toml", text)?.coils.len(), 4);
+    ///
+    /// let text = text.replace("length_unit = \"mm\"", "");
+    /// let error = Design::parse("mine.toml", &text).unwrap_err().to_string();
+    /// assert!(error.contains("length_unit: missing; allowed: \"m\", \"cm\", \"mm\", \"um\", \"in\""), "{error}");
+    /// # Ok::<(), palpate_field::design::DesignError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`DesignError`] with line, key and the allowed values.
+    pub fn parse(file: &str, text: &str) -> Result<Self, DesignError> {
+        let mut reader = Reader {
+            file,
+            text,
+            metre: 1.0,
+            parameters: BTreeMap::new(),
+            files: RefCell::default(),
+        };
+        let parsed: File = toml::from_str(text).map_err(|error| {
+            let span = error.span().unwrap_or(0..0);
+            reader.error(&span, "", error.message(), "")
+        })?;
+        if let Some(span) = control_character(text) {
+            return Err(reader.error(&span, "", "has a control character", "texts without"));
+        }
+        let Some(unit) = &parsed.length_unit else {
+            return Err(reader.error(&(0..0), "length_unit", "missing", UNITS));
+        };
+        reader.metre = reader.unit(unit, "length_unit")?;
+        for (name, value) in &parsed.parameters {
+            let value = reader.finite(&value.span(), name, *value.get_ref())?;
+            reader.parameters.insert(name.clone(), value);
+        }
+        reader
+            .design(parsed)
+            .map_err(|error| reader.with_files(error))
     }
-    let Some(unit) = &parsed.length_unit else {
-        return Err(reader.error(&(0..0), "length_unit", "missing", UNITS));
-    };
-    reader.metre = reader.unit(unit, "length_unit")?;
-    for (name, value) in &parsed.parameters {
-        let value = reader.finite(&value.span(), name, *value.get_ref())?;
-        reader.parameters.insert(name.clone(), value);
-    }
-    reader
-        .design(parsed)
-        .map_err(|error| reader.with_files(error))
 }
 
 struct Reader<'t> {

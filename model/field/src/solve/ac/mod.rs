@@ -12,10 +12,12 @@ use core::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::adapt::{Accuracy, Solved, transfer};
+use super::accuracy::Accuracy;
+use super::adapt::{Solved, transfer};
 use super::assembly::Level;
+use super::excitation::Excitation;
 use super::indicator::{jumps_of_change, jumps_without, mark};
-use super::newton::{Excitation, SolveError, dot};
+use super::newton::{SolveError, dot};
 use super::small_signal::response;
 use super::space::Space;
 use crate::design::Design;
