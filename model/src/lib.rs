@@ -16,6 +16,7 @@
 
 pub mod calibration_curve;
 pub mod contact;
+mod coverage;
 pub mod demagnetising;
 pub mod layer;
 pub mod magnetorheological;

@@ -23,30 +23,10 @@
 //! are within 3 % of a ramp evaluated with a wrong calibration at a stiffening of 10 %
 //! (`tests/integration/uncertainty.rs`).
 
-use crate::math::{hypot, student::NORMAL_975};
+pub use crate::coverage::coverage_factor;
+use crate::math::hypot;
 use crate::ramp::LoadRatio;
 use crate::units::Metre;
-
-/// Half the width of a 95 % interval in standard errors, if the part `uniform` of the standard
-/// error comes from errors that are uniform within limits and the rest is normal: from 1.960 for 0
-/// down to 1.645 for 1.
-///
-/// An error within limits has no tails: 1.96 of its standard errors contain all of it, and 1.645
-/// contain 95 % (JCGM 100:2008, 4.3.7 and G.1.2). Between the two the distribution is the
-/// convolution of both; a polynomial in the fourth power, the lowest in which it departs from the
-/// normal one, is within 0.002 of its quantile.
-///
-/// ```
-/// use palpate_model::uncertainty::coverage_factor;
-/// assert!((coverage_factor(0.0) - 1.960).abs() < 1e-3);
-/// assert!((coverage_factor(1.0) - 1.645).abs() < 1e-3);
-/// ```
-pub fn coverage_factor(uniform: f32) -> f32 {
-    let square = (uniform * uniform).min(1.0);
-    let fourth = square * square;
-    let eighth = fourth * fourth;
-    NORMAL_975 - 0.133_62 * fourth - 0.141_04 * eighth - 0.039_81 * eighth * eighth
-}
 
 /// Standard uncertainties of the calibrated quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

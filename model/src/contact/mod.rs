@@ -29,58 +29,19 @@
 mod baseline;
 mod cusum;
 mod recovery;
+mod watch;
 mod zero;
 
 pub use baseline::{Baseline, Deviation};
 pub use cusum::Cusum;
 pub use recovery::{MOST_CREEP, Recovery};
+pub use watch::Watch;
 pub use zero::Zero;
 
 use crate::units::{Metre, OutOfRange, Requirement, Second};
 
-/// Settings of the contact detection.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Watch {
-    /// Standard deviation of a reading of the untouched sensor, vibration included.
-    pub sigma: Metre,
-    /// Memory of the baseline, in readings.
-    pub memory: f32,
-    /// Number of readings after a start or a release until the baseline counts as learnt.
-    pub settling: u32,
-    /// Test for touch and movement.
-    pub cusum: Cusum,
-    /// Deformation below which the touch is over. A touch that has not yet been twice as deep ends
-    /// below half of its greatest depth, so that a slow touch does not end where it starts. Any
-    /// touch ends below two sigma, and below the largest remaining recovery of the elastomer
-    /// ([`MOST_CREEP`] of the greatest depth).
-    pub release: Metre,
-    /// Largest reading of the untouched and recovered sensor, as a distance from 0; `None` if
-    /// unknown.
-    pub rest: Option<Metre>,
-    /// Largest change of the untouched sensor's reading per kelvin.
-    pub per_kelvin: Metre,
-}
-
 /// Number of readings before touches are tested for; the first readings are only learnt from.
 const LEAST_READINGS: u32 = 8;
-
-impl Watch {
-    /// Default settings: memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma,
-    /// unknown rest, and no effect of temperature.
-    pub const fn new(sigma: Metre) -> Self {
-        Self {
-            sigma,
-            memory: 500.0,
-            settling: 500,
-            cusum: Cusum::WATCH,
-            release: Metre(5.0 * sigma.0),
-            rest: None,
-            per_kelvin: Metre(0.0),
-        }
-    }
-}
 
 /// State of contact after a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]

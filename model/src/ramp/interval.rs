@@ -1,8 +1,8 @@
 //! Intervals of a ratio, and of the stiffness derived from it.
 
 use super::RampRefusal;
+use crate::coverage::coverage_factor;
 use crate::math::{hypot, sqrt, student::NORMAL_975};
-use crate::uncertainty::coverage_factor;
 use crate::units::NewtonPerMetre;
 
 /// Load ratio kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 %

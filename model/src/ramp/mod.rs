@@ -65,6 +65,7 @@ mod fit;
 mod interval;
 mod misfit;
 mod moments;
+mod reference;
 mod refusal;
 mod scatter;
 
@@ -72,44 +73,14 @@ pub use basis::{Basis, BasisError, DriftModel, MOST_TERMS, Term};
 pub use fit::{Coefficient, Fit, LoadCurvePoint, Noise};
 pub use interval::{LoadRatio, LoadStiffness};
 pub use misfit::{Bend, SLOPE_BY_BEND};
+pub use reference::Reference;
 pub use refusal::{RampRefusal, Rejected};
 pub use scatter::Scatter;
 
 use crate::math::{Wide, sqrt, student};
-use crate::units::{Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Second};
+use crate::units::{Metre, Newton, NewtonPerMetre, Second};
 use fit::ErrorScale;
 use moments::{Dependent, Moments, Row};
-
-/// The point from which the samples' deviations are counted, stored exactly.
-///
-/// Any state near the ramp will do, preferably its first sample. The reference itself costs no
-/// accuracy; deviations do if they are rounded to `f32` far from it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Reference {
-    deformation: Metre,
-    regressor: f32,
-}
-
-impl Reference {
-    /// Creates a reference: x_ref above zero, g_ref at least zero.
-    pub fn new(deformation: Metre, regressor: f32) -> Result<Self, OutOfRange> {
-        Ok(Self {
-            deformation: Metre::positive(deformation.0)?,
-            regressor: OutOfRange::check(regressor, Requirement::NonNegative)?,
-        })
-    }
-
-    /// Reference deformation x_ref.
-    pub const fn deformation(&self) -> Metre {
-        self.deformation
-    }
-
-    /// Reference regressor g_ref.
-    pub const fn regressor(&self) -> f32 {
-        self.regressor
-    }
-}
 
 /// One reading on the ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
