@@ -54,3 +54,101 @@ pub(crate) mod sealed {
         fn read(kind: u8, from: &mut Reader<'_>) -> Option<Result<Self>>;
     }
 }
+
+/// Defines the messages of one direction: kinds with their number and their name in text formats.
+macro_rules! messages {
+    (
+        $(#[doc = $doc:literal])+
+        pub enum $name:ident {
+            bare {$(
+                $(#[doc = $bare_doc:literal])+
+                $bare:ident = $bare_number:literal $bare_text:literal,
+            )*}
+            with payload {$(
+                $(#[doc = $kind_doc:literal])+
+                $variant:ident($payload:ty) = $number:literal $text:literal,
+            )*}
+        }
+    ) => {
+        $(#[doc = $doc])+
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum $name {
+            $(
+                $(#[doc = $bare_doc])+
+                #[doc = ""]
+                #[doc = concat!("Kind ", $bare_number, ".")]
+                #[serde(rename = $bare_text)]
+                $bare,
+            )*
+            $(
+                $(#[doc = $kind_doc])+
+                #[doc = ""]
+                #[doc = concat!("Kind ", $number, ".")]
+                #[serde(rename = $text)]
+                $variant($payload),
+            )*
+        }
+
+        impl $crate::message::Message for $name {
+            const KINDS: &'static [$crate::schema::Kind] = &[
+                $($crate::schema::Kind {
+                    number: $bare_number,
+                    name: $bare_text,
+                    doc: concat!($($bare_doc, "\n"),+),
+                    payload: None,
+                },)*
+                $($crate::schema::Kind {
+                    number: $number,
+                    name: $text,
+                    doc: concat!($($kind_doc, "\n"),+),
+                    payload: <$payload as $crate::schema::Described>::TYPE.structure(),
+                },)*
+            ];
+
+            fn kind(&self) -> u8 {
+                match self {
+                    $(Self::$bare => $bare_number,)*
+                    $(Self::$variant(_) => $number,)*
+                }
+            }
+
+            fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$bare => $bare_text,)*
+                    $(Self::$variant(_) => $text,)*
+                }
+            }
+
+            fn validate(&self) -> Result<(), $crate::validation::Invalid> {
+                match self {
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => payload.validate(),)*
+                }
+            }
+        }
+
+        impl $crate::message::sealed::Payload for $name {
+            fn write(&self, to: &mut $crate::message::sealed::Writer<'_>) -> ::postcard::Result<()> {
+                match self {
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => ::serde::Serialize::serialize(payload, to),)*
+                }
+            }
+
+            fn read(
+                kind: u8,
+                from: &mut $crate::message::sealed::Reader<'_>,
+            ) -> Option<::postcard::Result<Self>> {
+                Some(match kind {
+                    $($bare_number => Ok(Self::$bare),)*
+                    $($number => {
+                        <$payload as ::serde::Deserialize>::deserialize(from).map(Self::$variant)
+                    })*
+                    _ => return None,
+                })
+            }
+        }
+    };
+}
+pub(crate) use messages;

@@ -5,9 +5,7 @@
 
 use heapless::{String, Vec};
 
-use crate::checksum::{Digest, digest};
-use crate::message::Message;
-use crate::{Command, Header, MINOR_VERSION, Record, VERSION};
+use crate::checksum::Digest;
 
 /// Type of a field. The encoding is that of postcard: integers above eight bits as varints, floats as
 /// bytes, least significant byte first.
@@ -198,7 +196,7 @@ impl Type {
         }
     }
 
-    const fn absorbed_by(&self, digest: Digest) -> Digest {
+    pub(crate) const fn absorbed_by(&self, digest: Digest) -> Digest {
         match self {
             Self::Bool => absorb(digest, "bool"),
             Self::U8 => absorb(digest, "u8"),
@@ -261,12 +259,12 @@ const fn absorb(mut digest: Digest, text: &str) -> Digest {
     digest
 }
 
-const fn absorb_byte(mut digest: Digest, byte: u8) -> Digest {
+pub(crate) const fn absorb_byte(mut digest: Digest, byte: u8) -> Digest {
     digest.update(&[byte]);
     digest
 }
 
-const fn absorb_kinds(mut digest: Digest, mut rest: &[Kind]) -> Digest {
+pub(crate) const fn absorb_kinds(mut digest: Digest, mut rest: &[Kind]) -> Digest {
     while let [kind, others @ ..] = rest {
         digest = absorb(absorb_byte(digest, kind.number), kind.name);
         if let Some(payload) = kind.payload {
@@ -315,12 +313,4 @@ pub(crate) const fn max_payload(mut rest: &[Kind]) -> usize {
         rest = others;
     }
     greatest
-}
-
-/// Returns the value of [`SCHEMA_HASH`](crate::SCHEMA_HASH).
-pub(crate) const fn hash() -> u32 {
-    let mut digest = absorb_byte(absorb_byte(digest(), VERSION), MINOR_VERSION);
-    digest = Header::TYPE.absorbed_by(digest);
-    digest = absorb_kinds(digest, Record::KINDS);
-    absorb_kinds(digest, Command::KINDS).finalize()
 }

@@ -3,6 +3,7 @@
 use crate::Message;
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
+use crate::message::messages;
 
 mod calibration;
 mod current;

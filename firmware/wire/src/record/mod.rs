@@ -8,6 +8,7 @@ use crate::command::{
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
+use crate::message::messages;
 
 mod event;
 mod hello;
