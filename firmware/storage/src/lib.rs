@@ -11,19 +11,22 @@
 )]
 
 mod area;
+mod contents;
 mod error;
 mod item;
 mod parts;
 mod payload;
 mod reader;
 mod save;
+mod save_state;
 mod scan;
 mod seal;
 mod settings;
 mod store;
 
+pub use contents::{Contents, Set};
 pub use error::Error;
-pub use store::{Contents, Set, Store};
+pub use store::Store;
 
 /// Returns whether this firmware knows an item with this key and version.
 const fn knows(key: item::Key, version: u8) -> bool {

@@ -5,58 +5,10 @@ use palpate_wire::{Command, ConfigurationCrc, Message};
 
 use crate::area::Slot;
 use crate::item::{Item, Key};
-use crate::scan::{Located, Scan};
+use crate::save_state::Save;
+use crate::scan::Scan;
 use crate::seal::{Seal, SealCopy, Sum};
-use crate::{Contents, Error, Store, knows, parts, settings};
-
-/// Save in progress.
-pub(crate) struct Save {
-    slot: Slot,
-    generation: u32,
-    /// The stored set that is replaced.
-    stored: Option<Located>,
-    /// Number of items so far.
-    items: u16,
-    digest: u32,
-    /// The items are being written. `false` as long as they equal the stored ones.
-    is_writing: bool,
-    /// Key of the last item that the caller has put.
-    last: Option<Key>,
-    configuration_crc: ConfigurationCrc,
-}
-
-impl core::fmt::Debug for Save {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Save")
-            .field("generation", &self.generation)
-            .field("items", &self.items)
-            .field("is_writing", &self.is_writing)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Save {
-    const fn sum(&self, configuration_crc: u32) -> Sum {
-        Sum {
-            items: self.items,
-            digest: self.digest,
-            configuration_crc,
-            erased: match self.stored {
-                Some(set) => set.sum.erased,
-                None => 0,
-            },
-        }
-    }
-
-    /// Returns whether a stored item that the caller did not put remains: if this firmware does not know
-    /// it and the save does not replace it.
-    fn keeps(&self, stored: &Item, next: Key) -> bool {
-        let is_replaced = |key: Key| key.is_of_one_part(stored.key);
-        !knows(stored.key, stored.version)
-            && !is_replaced(next)
-            && !self.last.is_some_and(is_replaced)
-    }
-}
+use crate::{Contents, Error, Store, parts, settings};
 
 impl<S: NorFlash> Store<S> {
     /// Begins a save, which replaces the stored set except for items that this firmware does not know.
