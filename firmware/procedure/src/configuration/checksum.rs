@@ -7,82 +7,8 @@
 use palpate_wire::code::Part;
 use palpate_wire::{Command, configuration_crc};
 
-use super::readback::PARTS;
+use super::parts::{ITEMS, item, sets};
 use super::{Configuration, SetStiffening};
-
-/// Number of parts that exist once per channel of each converter; they are first in [`PARTS`].
-const OF_A_CHANNEL: usize = 3;
-const CHANNELS: usize = 8;
-/// Number of checksums: the settings and every part.
-pub(crate) const ITEMS: usize = 1 + OF_A_CHANNEL * CHANNELS + (PARTS.len() - OF_A_CHANNEL);
-
-/// Checksums, in the order of the items.
-pub(super) type Sums = [u32; ITEMS];
-
-/// Returns the part with a number, with converter and channel; `None` for the settings.
-fn item(number: usize) -> Option<(Part, u8, u8)> {
-    let index = number.checked_sub(1)?;
-    let (part, of) = if index < OF_A_CHANNEL * CHANNELS {
-        (index / CHANNELS, (index % CHANNELS) as u8)
-    } else {
-        (index - OF_A_CHANNEL * (CHANNELS - 1), 0)
-    };
-    Some((*PARTS.get(part)?, of / 4, of % 4))
-}
-
-/// Returns whether a command sets an item.
-fn sets(command: &Command, number: usize) -> bool {
-    use Part::{Crosstalk, DeformationCurve, Tank};
-    let Some((part, sensor, channel)) = item(number) else {
-        return matches!(command, Command::SetSettings(_));
-    };
-    if part == Part::CalibrationIdentity {
-        return touches_the_identity(command);
-    }
-    let is_at = |at: (u8, u8)| at == (sensor, channel);
-    match command {
-        Command::SetTank(of) => part == Tank && is_at((of.sensor, of.channel)),
-        Command::SetDeformationCurve(of) => {
-            part == DeformationCurve && is_at((of.sensor, of.channel))
-        }
-        Command::SetCrosstalk(of) => part == Crosstalk && is_at((of.sensor, of.channel)),
-        // Each replaces the other.
-        Command::SetStiffening(_) | Command::SetStiffeningCurve(_) => {
-            matches!(part, Part::Stiffening | Part::StiffeningCurve)
-        }
-        Command::SetSprings(_) => part == Part::Springs,
-        Command::SetCoil(_) => part == Part::Coil,
-        Command::SetAttraction(_) => part == Part::Attraction,
-        Command::SetTemperatureEffect(_) => part == Part::TemperatureEffect,
-        Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
-        Command::SetTemperatureCoefficients(_) => part == Part::TemperatureCoefficients,
-        _ => false,
-    }
-}
-
-/// Returns whether a command sets or removes the calibration's identity; setting any part removes it.
-pub(super) const fn touches_the_identity(command: &Command) -> bool {
-    use Command::{
-        SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,
-        SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve, SetTank,
-        SetTemperatureCoefficients, SetTemperatureEffect,
-    };
-    matches!(
-        command,
-        SetTank(_)
-            | SetDeformationCurve(_)
-            | SetCrosstalk(_)
-            | SetSprings(_)
-            | SetStiffening(_)
-            | SetStiffeningCurve(_)
-            | SetCoil(_)
-            | SetAttraction(_)
-            | SetTemperatureEffect(_)
-            | SetCurrentCorrection(_)
-            | SetTemperatureCoefficients(_)
-            | SetCalibrationIdentity(_)
-    )
-}
 
 /// Kind of the record of the settings.
 const SETTINGS: u8 = 0x10;

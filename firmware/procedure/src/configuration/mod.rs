@@ -6,6 +6,7 @@
 
 mod assembly;
 mod checksum;
+mod parts;
 mod readback;
 mod stiffening;
 
@@ -22,10 +23,10 @@ use palpate_wire::command::{
 use crate::answer::{Answer, field};
 use crate::{BoardInfo, Limits};
 use assembly::{Assembly, Target};
-pub(crate) use checksum::ITEMS;
 #[cfg(test)]
 pub(crate) use checksum::tests;
-use checksum::touches_the_identity;
+pub(crate) use parts::ITEMS;
+use parts::touches_the_identity;
 pub(crate) use readback::Cursor;
 pub use stiffening::Law;
 
@@ -49,7 +50,7 @@ pub struct Configuration {
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// Checksums of all items.
-    sums: checksum::Sums,
+    sums: parts::Sums,
 }
 
 /// Calibration of one channel of one converter.

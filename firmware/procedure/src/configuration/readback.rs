@@ -6,33 +6,12 @@ use palpate_wire::command::{
 };
 use palpate_wire::{Command, Record, configuration_crc};
 
+use super::parts::{PARTS, is_of_a_channel};
 use super::{Configuration, Curve, SetStiffening};
 use crate::list::gathered;
 
 /// Last channel of the second converter.
 const LAST_CHANNEL: u8 = 7;
-
-/// Parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 12] = [
-    Part::Tank,
-    Part::DeformationCurve,
-    Part::Crosstalk,
-    Part::Springs,
-    Part::Stiffening,
-    Part::StiffeningCurve,
-    Part::Coil,
-    Part::Attraction,
-    Part::TemperatureEffect,
-    Part::CurrentCorrection,
-    Part::TemperatureCoefficients,
-    // Last, since it is checked against all others.
-    Part::CalibrationIdentity,
-];
-
-/// Returns whether the part exists once per channel of each converter.
-const fn is_of_a_channel(part: Part) -> bool {
-    matches!(part, Part::Tank | Part::DeformationCurve | Part::Crosstalk)
-}
 
 /// Position in the sequence of commands that would set a configuration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,11 +3,12 @@
 //! starts, with the time to wait.
 
 use coil_hbridge::{Account, CurrentLine, Demand, Load, SELF_TEST_J};
-use palpate_model::units::{Ampere, Celsius};
+use palpate_model::units::Celsius;
 use palpate_wire::code::{Part, RefusalReason};
 use palpate_wire::record::CoilTest;
 
 use super::Procedure;
+use super::state::Budget;
 use crate::event::Scan;
 use crate::heat::{Forecast, Heat};
 use crate::measurement::Reason;
@@ -28,33 +29,6 @@ const LATE_S: f32 = 0.1;
 pub(super) struct Hindrance {
     pub(super) reason: Reason,
     pub(super) wait_s: Option<f32>,
-}
-
-/// Last reports of the drive.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Budget {
-    /// Energy account and the time of its report.
-    account: Option<(Instant, Account)>,
-    /// Current at the last scan.
-    current: Ampere,
-    /// Start of the last coil test.
-    tested: Instant,
-    /// Last step in which the coil was driven.
-    driven: Instant,
-    /// Load measured by the coil test, and the lowest possible copper temperature at that time.
-    load: Option<(Load, Celsius)>,
-}
-
-impl Budget {
-    pub(super) const fn new() -> Self {
-        Self {
-            account: None,
-            current: Ampere(0.0),
-            tested: Instant::from_ticks(0),
-            driven: Instant::from_ticks(0),
-            load: None,
-        }
-    }
 }
 
 impl Procedure {

@@ -6,63 +6,21 @@
 //! the queue, with an answer.
 
 use palpate_wire::Header;
+use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Outcome};
-use palpate_wire::command::DriveCoil;
 use palpate_wire::record::{Acknowledgement, CoilTest};
-use palpate_wire::{Command, Record};
 
-use super::phases::Phase;
+use super::state::{CoilCommand, Knowledge, Phase, Waiting};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::answer::Answer;
 use crate::event::Failure;
 use crate::link::Link;
-use crate::time::{Duration, Instant, between, in_seconds};
+use crate::time::{Duration, between, in_seconds};
 
 /// Longest duration of a test: one that finds no coil raises its voltage for 0.21 s, 13 000 periods of
 /// the bridge (`Regulated::test` in sim-host); with a factor of two.
 const LONGEST_TEST: Duration = Duration::from_ticks(450_000);
-
-/// State of the coil's test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Knowledge {
-    /// Not tested since arming, or the test was stopped.
-    None,
-    /// Test in progress since this time.
-    Testing(Instant),
-    /// Tested: the coil may be driven.
-    Tested,
-}
-
-/// Command that needs the coil.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum CoilCommand {
-    Measure,
-    Sweep,
-    Test,
-    Drive(DriveCoil),
-}
-
-/// Command that waits for the end of the coil's test.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Waiting {
-    link: Link,
-    header: Header,
-    kind: u8,
-    command: CoilCommand,
-}
-
-impl CoilCommand {
-    pub(super) fn of(command: &Command) -> Option<Self> {
-        Some(match command {
-            Command::Measure => Self::Measure,
-            Command::Sweep => Self::Sweep,
-            Command::TestCoil => Self::Test,
-            Command::DriveCoil(line) => Self::Drive(line.clone()),
-            _ => return None,
-        })
-    }
-}
 
 impl Procedure {
     /// Executes a command that needs the coil, or lets it wait if the coil must be tested first; a

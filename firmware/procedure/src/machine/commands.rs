@@ -5,8 +5,7 @@ use palpate_wire::code::{FaultCode, Mode, Outcome, RebootTarget, RefusalReason, 
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Invalid, Message, Record};
 
-use super::coil::{CoilCommand, Knowledge};
-use super::phases::Phase;
+use super::state::{CoilCommand, Knowledge, Phase};
 use super::{Out, Procedure, Readback};
 use crate::action::Action;
 use crate::answer::Answer;

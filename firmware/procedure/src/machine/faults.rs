@@ -4,8 +4,7 @@ use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Fault;
 
-use super::coil::Knowledge;
-use super::phases::Phase;
+use super::state::{Knowledge, Phase};
 use super::{CHECK, Out, Procedure};
 use crate::configuration::ITEMS;
 use crate::event::Failure;

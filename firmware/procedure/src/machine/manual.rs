@@ -5,7 +5,7 @@ use palpate_model::units::Second;
 use palpate_wire::code::{FaultCode, Location, Outcome};
 use palpate_wire::command::DriveCoil;
 
-use super::phases::Phase;
+use super::state::{ManualDrive, Phase};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::answer::{Answer, field};
@@ -16,17 +16,6 @@ use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 
 /// Time limit from the PC's last message to the end of its commanded current.
 const SILENCE: Duration = Duration::from_ticks(100_000);
-
-/// State of a current commanded directly by a PC.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ManualDrive {
-    began: Instant,
-    /// Link of the commanding PC, and time of its last message.
-    link: Link,
-    last_received: Instant,
-    /// Start of the touch, if there is one.
-    touched: Option<Instant>,
-}
 
 impl Procedure {
     /// Checks that a current may be commanded at this time.

@@ -6,15 +6,13 @@ use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason, State};
 
 use super::budget::Hindrance;
-use super::coil::Knowledge;
-use super::manual::ManualDrive;
+use super::state::{Knowledge, Phase, Settling};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::deformation::{Deformation, Follower};
 use crate::event::{Failure, Scan};
-use crate::measurement::train::TrainSegment;
 use crate::measurement::{
-    EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
+    Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span, together};
@@ -26,149 +24,12 @@ const SELF_TEST_CONVERSIONS: u8 = 10;
 /// least time: the recovery of the bus may take 50 ms.
 const SILENT_PERIODS: f32 = 10.0;
 const SILENT_S: f32 = 0.05;
-/// Longest start-up of a converter, without conversions. With four channels, the maximum, the drive of
-/// each is searched, and 280 registers are written, read back or compared in one transaction each. A
-/// transaction takes 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and wake-up take
-/// 3.5 ms.
-pub(super) const BRING_UP: Duration = Duration::from_ticks(140_000);
 /// Least silence, for the recovery of the bus.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
-
-/// Phase of the procedure, with its data.
-#[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one of it, and no heap to put the larger ones on"
-)]
-pub(super) enum Phase {
-    SelfTest {
-        good: u8,
-    },
-    Baseline,
-    Watching,
-    /// An object has touched since this time.
-    Contact {
-        since: Instant,
-    },
-    Settling(Settling),
-    Driving(Measurement),
-    /// Train for calibration, with the start of a touch if there is one.
-    Sweeping {
-        drive: TrainDrive,
-        touched: Option<Instant>,
-    },
-    /// The estimate was sent; the points of the load's curve follow, one per step.
-    Reporting {
-        report: EstimateReport,
-        next: u8,
-        /// Start of the touch, until the object is lifted.
-        touched: Option<Instant>,
-    },
-    /// Measured or refused; the object still touches.
-    Release {
-        since: Instant,
-    },
-    /// Current commanded directly by a PC.
-    Manual(ManualDrive),
-    Fault(Failure),
-}
-
-/// State of waiting for a steady press.
-#[derive(Clone, Debug)]
-pub(super) struct Settling {
-    /// Start of the touch.
-    touched: Instant,
-    pub(super) began: Instant,
-    steadiness: Steadiness,
-    /// Last rate, in m/s.
-    rate_m_per_s: f32,
-    /// Number of flagged conversions.
-    flagged: u32,
-    /// Last usable conversion.
-    last: Option<Instant>,
-}
 
 /// Returns the moment `ago` before another.
 fn before(moment: Instant, ago: Second) -> Instant {
     Instant::from_ticks(moment.as_ticks().saturating_sub(span(ago.0).as_ticks()))
-}
-
-/// Kind of activity of a phase.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Activity {
-    /// Sensing, with the coil at rest.
-    Sensing,
-    /// Waiting for a steady press.
-    Settling,
-    /// Driving a train.
-    Train,
-    /// Driving a current commanded by a PC.
-    Manual,
-    /// Sending a result.
-    Reporting,
-    /// Stopped by a fault.
-    Fault,
-}
-
-impl Activity {
-    /// Returns whether the coil is driven.
-    pub(super) const fn drives(self) -> bool {
-        matches!(self, Self::Train | Self::Manual)
-    }
-
-    /// Returns whether the activity ends in a result or a refusal.
-    pub(super) const fn measures(self) -> bool {
-        matches!(self, Self::Settling | Self::Train)
-    }
-
-    /// Checks that a command may use the coil; otherwise returns the command's outcome.
-    pub(super) const fn ensure_free(self) -> Result<(), Outcome> {
-        match self {
-            Self::Sensing => Ok(()),
-            Self::Fault => Err(Outcome::Faulted),
-            Self::Settling | Self::Train | Self::Manual | Self::Reporting => Err(Outcome::Busy),
-        }
-    }
-}
-
-impl Phase {
-    pub(super) const fn activity(&self) -> Activity {
-        match self {
-            Self::SelfTest { .. }
-            | Self::Baseline
-            | Self::Watching
-            | Self::Contact { .. }
-            | Self::Release { .. } => Activity::Sensing,
-            Self::Settling(_) => Activity::Settling,
-            Self::Driving(_) | Self::Sweeping { .. } => Activity::Train,
-            Self::Manual(_) => Activity::Manual,
-            Self::Reporting { .. } => Activity::Reporting,
-            Self::Fault(_) => Activity::Fault,
-        }
-    }
-
-    pub(super) const fn state(&self) -> State {
-        match self {
-            Self::SelfTest { .. } => State::SelfTest,
-            Self::Baseline => State::Baseline,
-            Self::Watching => State::Watching,
-            Self::Contact { .. } => State::Contact,
-            Self::Settling(_) => State::Settling,
-            Self::Driving(Measurement { drive, .. }) | Self::Sweeping { drive, .. } => {
-                let train = drive.train();
-                match train.segment() {
-                    TrainSegment::Rise | TrainSegment::Hold if train.completed() == 0 => {
-                        State::Peak
-                    }
-                    _ => State::Ramps,
-                }
-            }
-            Self::Reporting { .. } => State::Estimating,
-            Self::Release { .. } => State::Release,
-            Self::Manual(_) => State::Manual,
-            Self::Fault(_) => State::Fault,
-        }
-    }
 }
 
 impl Procedure {

@@ -1,64 +1,12 @@
 //! Error flags of readings: a single flag is data, a persistent one is a fault.
 
-use ldc161x::{Quality, Reading};
 use palpate_wire::code::{FaultCode, Location};
 
-use super::phases::Phase;
+use super::state::{Phase, is_of_readings};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::event::{Failure, Scan};
-use crate::time::{Instant, seconds};
-
-/// Start of each channel's flagged readings without a good one between.
-#[derive(Clone, Debug, Default)]
-pub(super) struct FlaggedSince {
-    channels: [[Option<Instant>; 4]; 2],
-    /// At least one channel was flagged at the last check.
-    any: bool,
-}
-
-/// Returns the fault that a flag indicates. A reading that is old, inconsistent between two reads, or
-/// after a gap does not indicate a fault of the sensor.
-const fn cause(quality: Quality) -> Option<FaultCode> {
-    match quality {
-        Quality::Watchdog | Quality::UnderRange => Some(FaultCode::SensorNotOscillating),
-        Quality::Amplitude => Some(FaultCode::SensorAmplitude),
-        Quality::OverRange | Quality::AboveQuarterReference => Some(FaultCode::SensorOverRange),
-        Quality::Good | Quality::AfterGap | Quality::Repeated | Quality::Differs => None,
-    }
-}
-
-/// Returns whether a fault is of this kind, which only good readings end.
-pub(super) const fn is_of_readings(code: FaultCode) -> bool {
-    matches!(
-        code,
-        FaultCode::SensorNotOscillating | FaultCode::SensorAmplitude | FaultCode::SensorOverRange
-    )
-}
-
-impl FlaggedSince {
-    fn forget_ended(&mut self) {
-        self.any = self.channels.iter().flatten().any(Option::is_some);
-    }
-
-    /// Takes a reading; returns the fault and its start while the channel is flagged.
-    fn push(
-        &mut self,
-        sensor: u8,
-        reading: &Reading,
-        now: Instant,
-    ) -> Option<(FaultCode, Instant)> {
-        let channels = self.channels.get_mut(usize::from(sensor & 1))?;
-        let since = channels.get_mut(usize::from(reading.channel.number()))?;
-        let quality = reading.quality();
-        if quality == Quality::Good {
-            *since = None;
-        }
-        let code = cause(quality)?;
-        self.any = true;
-        Some((code, *since.get_or_insert(now)))
-    }
-}
+use crate::time::seconds;
 
 impl Procedure {
     /// Raises a fault if a channel's readings are flagged for as long as a converter may be silent:

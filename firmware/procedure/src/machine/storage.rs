@@ -9,14 +9,15 @@ use palpate_wire::code::{FaultCode, Location, Outcome, StorageAction, StorageSta
 use palpate_wire::command::CurrentCorrection;
 use palpate_wire::record;
 
+use super::state::{Storage, Work};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::board::MOST_CRASHES;
 use crate::configuration::{Configuration, Cursor};
 use crate::event::Failure;
 use crate::list::gathered;
-use crate::storage::{StorageFailure, StorageOrder, StorageReport, Stored};
-use crate::time::{Duration, Instant, between, in_seconds, seconds};
+use crate::storage::{StorageFailure, StorageOrder, StorageReport};
+use crate::time::{Duration, between, in_seconds, seconds};
 
 /// Longest time of a storage operation. The largest save programs 70 KiB at 3 ms per page and erases 16
 /// sectors at 0.4 s (W25Q16JV datasheet, 9.6, maximum times): 7.3 s; before it the bridge must rest for
@@ -25,40 +26,6 @@ const LONGEST: Duration = Duration::from_ticks(15_000_000);
 
 /// Longest load at start-up: it only reads, which takes a tenth of this.
 const LONGEST_AT_START: Duration = Duration::from_ticks(1_000_000);
-
-/// State of the storage.
-#[derive(Clone, Debug)]
-pub(super) struct Storage {
-    stored: Stored,
-    /// Number of stored items that the board refused when they were loaded.
-    refused: u16,
-    work: Option<Work>,
-}
-
-/// Operation in progress and its start.
-#[derive(Clone, Debug)]
-struct Work {
-    action: StorageAction,
-    since: Instant,
-    /// Position in the configuration of the next item to save.
-    put: Cursor,
-    /// A load has delivered an item.
-    has_items: bool,
-}
-
-impl Storage {
-    pub(super) const fn new() -> Self {
-        Self {
-            stored: Stored::UNAVAILABLE,
-            refused: 0,
-            work: None,
-        }
-    }
-
-    pub(super) const fn is_at_work(&self) -> bool {
-        self.work.is_some()
-    }
-}
 
 impl Procedure {
     /// Starts loading the stored configuration before anything else. Skipped after a streak of crashes,

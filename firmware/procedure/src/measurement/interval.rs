@@ -11,7 +11,7 @@ use palpate_wire::code::RefusalReason;
 use palpate_wire::command::{Settings, TemperatureEffect};
 use palpate_wire::record::{Estimate, LoadPoint, Refusal, UncertaintyBudget};
 
-use super::{Measurement, Reason};
+use super::{Measurement, Reason, refusal};
 use crate::configuration::Calibrated;
 use crate::time::{Instant, seconds};
 
@@ -51,11 +51,16 @@ struct LoadCurve {
 }
 
 impl Measurement {
-    pub(super) fn conclude(
-        &mut self,
-        settings: &Settings,
-        now: Instant,
-    ) -> Result<EstimateReport, Reason> {
+    /// Ends with an estimate or a refusal.
+    pub(crate) fn finish(&mut self, settings: &Settings, now: Instant) -> MeasurementOutcome {
+        let number = self.number;
+        match self.conclude(settings, now) {
+            Ok(report) => MeasurementOutcome::Estimate(report),
+            Err(reason) => MeasurementOutcome::Refusal(refusal(number, reason)),
+        }
+    }
+
+    fn conclude(&mut self, settings: &Settings, now: Instant) -> Result<EstimateReport, Reason> {
         let (completed, began) = (self.drive.train().completed(), self.drive.began);
         let ramps = self.ramps.as_mut().ok_or(Reason::new(
             RefusalReason::TooFewSamples,

@@ -365,15 +365,6 @@ impl Measurement {
             self.two_states.push(pressed, actuated);
         }
     }
-
-    /// Ends with an estimate or a refusal.
-    pub(crate) fn finish(&mut self, settings: &Settings, now: Instant) -> MeasurementOutcome {
-        let number = self.number;
-        match self.conclude(settings, now) {
-            Ok(report) => MeasurementOutcome::Estimate(report),
-            Err(reason) => MeasurementOutcome::Refusal(refusal(number, reason)),
-        }
-    }
 }
 
 impl Calibrated {
