@@ -4,8 +4,10 @@ use palpate_procedure::Instant;
 use palpate_wire::{Command, Frame, Record};
 
 use crate::Time;
-use crate::native::TimedRecord;
 use crate::world::World;
+
+/// A record with its time.
+pub type TimedRecord = (Instant, Record);
 
 /// An instrument that takes commands and sends records, on a plant whose time it drives.
 ///

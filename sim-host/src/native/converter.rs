@@ -16,8 +16,8 @@ use palpate_node::converter::{
     CONVERTERS, ConverterState, EdgeDeadlines, EdgeFrame, EdgeReader, Port, TransferError,
 };
 
-use super::wiring::clkin_hz;
-use super::{DrivenWorld, Wiring, micros};
+use super::wiring::{clkin_hz, micros};
+use super::{DrivenWorld, Wiring};
 
 const SCL_HZ: u32 = 400_000;
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];

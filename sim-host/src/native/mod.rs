@@ -27,6 +27,7 @@
 
 mod coil;
 mod converter;
+mod drive;
 mod flash;
 mod identity;
 mod links;
@@ -44,13 +45,14 @@ use palpate_node::converter::{CONVERTERS, ConverterState, ConverterTask};
 use palpate_node::instrument::{self, Instrument, Usage};
 use palpate_node::storage::StorageTask;
 use palpate_procedure::storage::{StorageOrder, StorageReport};
-use palpate_procedure::{Instant, Link, Procedure};
+use palpate_procedure::{Link, Procedure};
 use palpate_wire::code::RebootTarget;
 use palpate_wire::{Command, Frame, Header, Message, Record, Sequencer};
 
 use self::coil::NativeCoil;
 use self::converter::{NativeBus, NativeEdges, NativePort, Shared};
 use self::links::Links;
+use self::wiring::micros;
 use crate::device::Device;
 use crate::world::World;
 
@@ -92,9 +94,6 @@ impl fmt::Display for BoardError {
 }
 
 impl core::error::Error for BoardError {}
-
-/// A record with its time.
-pub type TimedRecord = (Instant, Record);
 
 /// Task of a converter; it never ends.
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
@@ -426,9 +425,4 @@ impl Device for NativeBoard<'_> {
     fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T {
         look(&mut self.hardware.wiring.world().borrow_mut())
     }
-}
-
-/// A time in whole microseconds, truncated as a timer does.
-const fn micros(time: Time) -> u64 {
-    time.as_ps() / 1_000_000
 }

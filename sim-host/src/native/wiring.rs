@@ -6,10 +6,10 @@ use std::rc::Rc;
 use coil_hbridge::{Drive, Supervisor};
 use ldc161x_sim::{Chip, Sensors, Time, Window};
 use palpate_node::board::{CORE_HZ, Clkin};
-use palpate_node::coil::{CoilManager, EnergyWords};
+use palpate_node::coil::{CoilCircuit, EnergyWords};
 use palpate_node::converter::CONVERTERS;
 
-use super::coil::{CoilDrive, NativeCoil};
+use super::drive::CoilDrive;
 use super::flash::Flash;
 use crate::world::{SharedWorld, World};
 
@@ -152,7 +152,9 @@ pub(super) fn clkin_hz(clkin: Clkin) -> f64 {
     reason = "a board without a drive simulates nothing"
 )]
 fn reference_drive() -> (Supervisor, Drive) {
-    CoilManager::<NativeCoil<'_>>::drive().expect("constants that fit each other")
+    CoilCircuit::REFERENCE
+        .drive()
+        .expect("constants that fit each other")
 }
 
 /// The world as a converter reads it: the coil's drive first advances to the time of the reading.
@@ -194,4 +196,9 @@ impl Sensors for DrivenWorld {
         let end_s = window.start_s + window.length_s;
         self.at(end_s).pulled_cycles(channel, window)
     }
+}
+
+/// A time in whole microseconds, truncated as a timer does.
+pub(super) const fn micros(time: Time) -> u64 {
+    time.as_ps() / 1_000_000
 }

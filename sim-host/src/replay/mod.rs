@@ -12,6 +12,7 @@
 //! The records of a step show the time at which the board's procedure ran it. Where a step made no
 //! record except the sample, no result depends on its time.
 
+mod in_force;
 mod run;
 
 use std::collections::HashMap;
@@ -19,21 +20,11 @@ use std::collections::HashMap;
 use palpate_procedure::Instant;
 use palpate_wire::code::{Contact, Outcome, RefusalReason, State, Stream};
 use palpate_wire::command::Settings;
-use palpate_wire::record::{Acknowledgement, Hello, StateChange};
+use palpate_wire::record::{Acknowledgement, StateChange};
 use palpate_wire::{Command, Frame, Message, Record, encode};
 
-use run::Run;
-
-/// Settings, calibration and identity of a board.
-#[derive(Clone, Debug)]
-pub struct InForce {
-    /// Identity that the board reports.
-    pub hello: Hello,
-    /// The settings.
-    pub settings: Settings,
-    /// Commands that set the parts of its calibration, without the settings.
-    pub calibration: Vec<Command>,
-}
+pub use in_force::InForce;
+use run::{Run, is_computed};
 
 /// Reason why a record of the board is not recomputed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -249,18 +240,6 @@ impl Replay {
         self.run = Run::begin(boot_id, in_force, at, self.is_armed);
         self.pause = self.run.is_none().then_some(Pause::Configuration);
     }
-}
-
-/// Whether a record is computed from conversions.
-const fn is_computed(record: &Record) -> bool {
-    matches!(
-        record,
-        Record::Sample(_)
-            | Record::Estimate(_)
-            | Record::UncertaintyBudget(_)
-            | Record::LoadPoint(_)
-            | Record::Refusal(_)
-    )
 }
 
 /// Whether the board learns the baseline from the next conversion on, and uses no earlier

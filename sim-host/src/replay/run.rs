@@ -11,7 +11,7 @@ use palpate_wire::code::{Chip, Mode, Outcome, ResetCause, State};
 use palpate_wire::record::{CoilTest, Hello, Sample, StateChange};
 use palpate_wire::{Command, Frame, Header, Message, Record};
 
-use super::{InForce, is_computed};
+use super::InForce;
 
 /// Channels of an LDC1614.
 const CHANNELS: u8 = 0b1111;
@@ -288,4 +288,16 @@ fn curves(calibration: &[Command]) -> Vec<(u8, u8)> {
         _ => None,
     };
     calibration.iter().filter_map(of).collect()
+}
+
+/// Whether a record is computed from conversions.
+pub(super) const fn is_computed(record: &Record) -> bool {
+    matches!(
+        record,
+        Record::Sample(_)
+            | Record::Estimate(_)
+            | Record::UncertaintyBudget(_)
+            | Record::LoadPoint(_)
+            | Record::Refusal(_)
+    )
 }

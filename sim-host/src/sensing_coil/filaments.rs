@@ -4,9 +4,10 @@
 //! of a ring, μ0 a (ln(8a/R) − 2), R being the geometric mean distance of a flat track to itself,
 //! 0.2235 (width + thickness) (Grover, "Inductance calculations", 1946).
 
-use core::f64::consts::FRAC_PI_2;
+use core::f64::consts::{FRAC_PI_2, PI};
 
-use super::MU_0;
+/// Permeability of free space, H/m.
+pub(super) const MU_0: f64 = 4e-7 * PI;
 
 /// Sum over the turns of a spiral, H. `radii_m` are the turns' radii, `track_m` width and thickness
 /// of the conductor.

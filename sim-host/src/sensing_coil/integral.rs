@@ -2,8 +2,9 @@
 
 use core::f64::consts::PI;
 
+use super::filaments::MU_0;
 use super::layers::{backed_slab, both_sides, conductor_behind_air, one_side};
-use super::{COPPER_M, CoilDesign, MU_0, Sides};
+use super::{COPPER_M, CoilDesign, Sides};
 
 /// Least gap of the model, m. Turns are point filaments, which overestimate the interaction with a
 /// slab at contact (SOURCES.md section 5).

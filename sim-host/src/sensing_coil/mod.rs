@@ -16,11 +16,7 @@ pub mod layers;
 pub mod mutual;
 pub mod tank;
 
-use core::f64::consts::PI;
 use core::fmt;
-
-/// Permeability of free space, H/m.
-pub(crate) const MU_0: f64 = 4e-7 * PI;
 
 /// Thickness of the coil's copper, m (35 µm, the commonest on flexible boards; guess).
 const COPPER_M: f64 = 35e-6;

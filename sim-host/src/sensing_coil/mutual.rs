@@ -10,7 +10,8 @@
 
 use core::f64::consts::{PI, TAU};
 
-use super::{CoilDesign, MU_0};
+use super::CoilDesign;
+use super::filaments::MU_0;
 
 /// Conductivity of copper at 20 °C, S/m (IEC 60028).
 pub const COPPER_S_PER_M: f64 = 5.8e7;

@@ -2,8 +2,8 @@
 
 use ldc161x_sim::{ChipFault, FaultEvent, Lost};
 use palpate_sim::Time;
-use palpate_sim::device::Device;
-use palpate_sim::native::{NativeBoard, TimedRecord, Wiring, default_settings};
+use palpate_sim::device::{Device, TimedRecord};
+use palpate_sim::native::{NativeBoard, Wiring, default_settings};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;

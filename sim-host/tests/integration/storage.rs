@@ -2,8 +2,8 @@
 
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_sim::Time;
-use palpate_sim::device::Device;
-use palpate_sim::native::{NativeBoard, TimedRecord, Wiring};
+use palpate_sim::device::{Device, TimedRecord};
+use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::Setup;
 use palpate_wire::code::{FaultCode, Outcome, RebootTarget, StorageAction, StorageState};

@@ -9,7 +9,7 @@
 use ldc161x::Frame;
 
 use super::parts::{MOST_PARTS, Parts};
-use super::scheme::Scheme;
+use super::setpoint::Scheme;
 
 /// Fractional bits of a microsecond in the learnt period.
 const FRACTION: u32 = 16;

@@ -3,7 +3,9 @@
 mod grid;
 mod parts;
 mod scheme;
+mod setpoint;
 
 pub use grid::{Fetch, Finding, Grid, Sampled};
 pub use parts::{MOST_PARTS, Parts};
-pub use scheme::{Scheme, Setpoint, rates_hz, stronger, with_room};
+pub use scheme::{rates_hz, stronger, with_room};
+pub use setpoint::{Scheme, Setpoint};

@@ -6,7 +6,7 @@
 
 use ldc161x::BusAccess;
 
-use super::scheme::Scheme;
+use super::setpoint::Scheme;
 
 /// Maximum number of parts of a frame: one per channel.
 pub const MOST_PARTS: usize = 4;

@@ -2,10 +2,11 @@
 
 use ldc161x::{
     Acquisition, Channel, Configuration, DriveCode, ErrorConfig, LimitError, Model, Plan, Rate,
-    Rcount, ReferenceClock, Request, Sensor, Sequence,
+    ReferenceClock, Request, Sensor, Sequence,
 };
 
 use super::parts::Parts;
+use super::setpoint::{Scheme, Setpoint};
 use crate::board::Clkin;
 
 /// Resonators for which the board is made: 2 to 5 MHz with a quality factor of 50 at most. The parallel
@@ -29,17 +30,6 @@ const ERRORS: ErrorConfig = ErrorConfig {
 /// Time between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / Clkin::SCAN.hz() as f32;
 
-/// Requested operation of a converter.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setpoint {
-    /// Active channels: bit n for channel n.
-    pub channels: u8,
-    /// Scans per second.
-    pub rate_hz: f32,
-    /// Another converter runs with the same settings on the same bus.
-    pub shares_bus: bool,
-}
-
 impl Setpoint {
     /// Returns the converter clock that the setpoint needs.
     #[must_use]
@@ -49,27 +39,6 @@ impl Setpoint {
             Acquisition::Autoscan(_) => Clkin::SCAN,
         }
     }
-}
-
-/// Plan of a converter.
-#[derive(Clone, Copy, Debug)]
-pub struct Scheme {
-    /// Setpoint that the plan was made for.
-    pub setpoint: Setpoint,
-    /// Configuration written to the converter.
-    pub configuration: Configuration,
-    /// Planned frame period, in microseconds.
-    pub period_us: f32,
-    /// Time from the middle of the first conversion to the frame's edge, in microseconds.
-    pub before_edge_us: u32,
-    /// Time from the middle of the first conversion to the middle of each, in microseconds.
-    pub offsets_us: [u16; 4],
-    /// Time from the end of each conversion to the frame's edge, in microseconds: 0 for the last one.
-    pub ages_us: [f32; 4],
-    /// Number of converted channels.
-    pub channels: u8,
-    /// Duration of a conversion, in microseconds.
-    pub window_us: u16,
 }
 
 impl Scheme {
@@ -118,23 +87,6 @@ impl Scheme {
             });
         }
         Ok(scheme)
-    }
-
-    /// Returns whether the scan rate is as requested and not higher: the longest conversion is shorter
-    /// than the period, and every time within a scan fits into a record.
-    pub(crate) fn is_kept(&self) -> bool {
-        let first = self.configuration.acquisition.channels().next();
-        let settings = self.configuration.channel(first.unwrap_or_default());
-        settings.rcount < Rcount::MAX && !self.offsets_us.contains(&u16::MAX)
-    }
-
-    /// Sets the drive currents found for the active channels.
-    pub fn drive(&mut self, found: &[Option<DriveCode>; 4]) {
-        for (channel, drive) in Channel::ALL.into_iter().zip(found) {
-            if let Some(drive) = drive {
-                self.configuration.channel_mut(channel).drive = *drive;
-            }
-        }
     }
 }
 

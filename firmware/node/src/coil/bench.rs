@@ -77,7 +77,7 @@ impl CoilHardware for CoilTestBench {
 
 /// Creates a manager for a run that starts with these words in memory.
 pub(super) fn run(memory: EnergyWords) -> CoilManager<CoilTestBench> {
-    let (supervisor, drive) = CoilManager::<CoilTestBench>::drive().unwrap();
+    let (supervisor, drive) = CoilTestBench::CIRCUIT.drive().unwrap();
     let bench = CoilTestBench {
         now_us: 0,
         drive,

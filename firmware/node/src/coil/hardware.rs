@@ -1,6 +1,6 @@
 //! Coil hardware that a board provides.
 
-use coil_hbridge::{Averages, Drive, Hardware, Limits, Order, Trace};
+use coil_hbridge::{Averages, Drive, Hardware, Limits, Order, Refusal, Supervisor, Trace};
 
 use super::kept::EnergyWords;
 use crate::board;
@@ -36,6 +36,16 @@ impl CoilCircuit {
         reference_v: 3.3,
         supply_ratio: 11.0,
     };
+
+    /// Creates the drive for the board's control interrupt, and the supervisor from which a manager is
+    /// made once the interrupt owns the drive. The bridge is off.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the constants of the circuit are inconsistent.
+    pub fn drive(&self) -> Result<(Supervisor, Drive), Refusal> {
+        Supervisor::new(self.hardware, self.limits)
+    }
 
     /// Returns the period of the PWM in whole microseconds.
     #[must_use]

@@ -12,7 +12,7 @@ mod kept;
 mod tracing;
 
 use coil_hbridge::{
-    Account, Correction, CurrentLine, Drive, DriveState, Findings, Moment, Refusal, Supervisor,
+    Account, Correction, CurrentLine, DriveState, Findings, Moment, Refusal, Supervisor,
 };
 use palpate_procedure::Instant;
 use palpate_procedure::event::Failure;
@@ -75,16 +75,6 @@ pub struct CoilManager<H> {
 
 impl<H: CoilHardware> CoilManager<H> {
     const PERIOD_US: i64 = H::CIRCUIT.period_us() as i64;
-
-    /// Creates the drive for the board's control interrupt, and the supervisor from which a manager is
-    /// made once the interrupt owns the drive. The bridge is off.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if the constants of the circuit are inconsistent.
-    pub fn drive() -> Result<(Supervisor, Drive), Refusal> {
-        Supervisor::new(H::CIRCUIT.hardware, H::CIRCUIT.limits)
-    }
 
     /// Creates a manager of a drive that the control interrupt already owns. The energy account of the
     /// previous run continues.

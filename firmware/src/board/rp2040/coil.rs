@@ -2,8 +2,7 @@
 
 use coil_hbridge::{Averages, Drive, Order, Supervisor, Trace};
 use palpate_node::coil::{
-    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, CoilManager, EnergyWords, LastPeriod, SlowReadings,
-    TRACE_LENGTH,
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, EnergyWords, LastPeriod, SlowReadings, TRACE_LENGTH,
 };
 use rtic_monotonics::rp2040::prelude::*;
 
@@ -68,7 +67,7 @@ impl CoilHardware for PicoCoil {
 /// Starts PWM, ADC and drive, with the bridge off. Returns `None` if the circuit's constants are
 /// inconsistent: without a drive there is no current.
 pub fn start() -> Option<Supervisor> {
-    let (supervisor, drive) = CoilManager::<PicoCoil>::drive().ok()?;
+    let (supervisor, drive) = PicoCoil::CIRCUIT.drive().ok()?;
     control::start(drive);
     Some(supervisor)
 }
