@@ -23,6 +23,8 @@ mod second_stage;
 mod timing;
 #[path = "bring_up/transfer.rs"]
 mod transfer;
+#[path = "bring_up/waiting.rs"]
+mod waiting;
 
 use cortex_m_rt::entry;
 use palpate_node::board::Clkin;
@@ -30,6 +32,7 @@ use rp2040_pac::Peripherals;
 use rtt_target::{DownChannel, UpChannel};
 
 use transfer::ReplyCode;
+use waiting::{now_us, pause, wait};
 
 /// Bytes of the longest request and answer, without the length byte.
 const LONGEST: usize = 64;
@@ -45,23 +48,6 @@ unsafe impl critical_section::Impl for Alone {
     }
 
     unsafe fn release(_: u32) {}
-}
-
-/// Polls a condition until it holds, 100 000 times at most.
-fn wait(mut holds: impl FnMut() -> bool) -> bool {
-    (0..100_000).any(|_| holds())
-}
-
-/// Returns the lower half of the microsecond timer.
-fn now_us() -> u32 {
-    // SAFETY: reading the raw timer has no effect on it.
-    unsafe { (*rp2040_pac::TIMER::ptr()).timerawl().read().bits() }
-}
-
-/// Waits for a time.
-fn pause(us: u32) {
-    let begin = now_us();
-    while now_us().wrapping_sub(begin) < us {}
 }
 
 #[entry]

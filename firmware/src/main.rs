@@ -10,17 +10,12 @@
 mod board;
 mod crash;
 mod link;
+mod mono;
 mod supervision;
 mod tasks;
 mod wakeup;
 
-use rtic_monotonics::rp2040_timer_monotonic;
-use wakeup::Wakeup;
-
-rp2040_timer_monotonic!(Mono);
-
-/// Signals that a sample was passed on.
-static SAMPLES: Wakeup = Wakeup::new();
+use mono::Mono;
 
 /// Stops: a start-up resource was already taken. This never happens: `init` runs once.
 fn halt() -> ! {
@@ -44,7 +39,8 @@ mod app {
     use crate::board::{Board, Watchdog, i2c, safe, sleep, vectors};
     use crate::link::usb::{self as usb_link, UsbLink};
     use crate::tasks::*;
-    use crate::{Mono, SAMPLES, crash, halt, link};
+    use crate::wakeup::SAMPLES;
+    use crate::{Mono, crash, halt, link};
 
     /// Number of samples of a converter that can wait for the instrument.
     const WAITING: usize = 8;

@@ -15,6 +15,9 @@ pub struct Wakeup {
     called: AtomicBool,
 }
 
+/// Signals that a sample was passed on.
+pub static SAMPLES: Wakeup = Wakeup::new();
+
 /// Receiver of the signal, for the woken task.
 pub type Sleeper = SignalReader<'static, ()>;
 

@@ -3,7 +3,7 @@
 
 use rp2040_pac::{IO_BANK0, PADS_BANK0, Peripherals, SIO};
 
-use crate::{pause, wait};
+use crate::waiting::{pause, wait};
 
 const SDA: usize = 4;
 const SCL: usize = 5;

@@ -3,7 +3,7 @@
 use rp2040_pac::{I2C0, RESETS};
 
 use crate::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
-use crate::{now_us, wait};
+use crate::waiting::{now_us, wait};
 
 /// Address of the converter with ADDR low.
 const ADDRESS: u32 = 0x2A;

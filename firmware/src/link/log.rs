@@ -10,7 +10,7 @@ use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
 use rtt_target::UpChannel;
 
-use super::rtt::write_whole;
+use super::up_channel::write_whole;
 
 /// Bytes of the longest message that is sent.
 const LONGEST: usize = 128;

@@ -3,6 +3,7 @@
 pub mod log;
 pub mod reset_interface;
 pub mod rtt;
+mod up_channel;
 pub mod usb;
 
 use palpate_node::instrument::Received;

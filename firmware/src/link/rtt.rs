@@ -1,17 +1,10 @@
 //! Link through a debug probe: logs and records to the PC, commands from it.
 
 use palpate_node::link::{ByteSource, FrameSink};
-use rtt_target::{ChannelMode, DownChannel, UpChannel};
+use rtt_target::{DownChannel, UpChannel};
 
 use super::log;
-
-/// Writes all bytes or, without space, none; returns whether it wrote them. A PC may have set the
-/// channel to block (`probe-rs run` does so for logs) and then stop reading, so the mode is set each
-/// time.
-pub fn write_whole(channel: &mut UpChannel, bytes: &[u8]) -> bool {
-    channel.set_mode(ChannelMode::NoBlockSkip);
-    channel.write(bytes) == bytes.len()
-}
+use super::up_channel::write_whole;
 
 /// Channel of records. The firmware cannot know whether a probe reads them.
 pub struct RttRecords(UpChannel);

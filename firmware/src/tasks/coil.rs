@@ -7,7 +7,8 @@ use rtic_monotonics::rp2040::prelude::*;
 
 use crate::board::i2c;
 use crate::supervision::CHECK_INS;
-use crate::{Mono, SAMPLES, app};
+use crate::wakeup::SAMPLES;
+use crate::{Mono, app};
 
 /// Task loop.
 pub async fn coil(mut cx: app::coil::Context<'_>) {

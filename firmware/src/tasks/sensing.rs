@@ -13,7 +13,8 @@ use rtic_monotonics::rp2040::prelude::*;
 use crate::board::i2c::{self, Edges, Master};
 use crate::board::pins::{self, IntbPin};
 use crate::supervision::CHECK_INS;
-use crate::{Mono, SAMPLES, app};
+use crate::wakeup::SAMPLES;
+use crate::{Mono, app};
 
 /// Longest wait without a check-in: half of the supervisor's period.
 const SLICE_US: u32 = 5_000;

@@ -12,11 +12,12 @@ pub mod reset;
 mod routines;
 pub mod safe;
 mod second_stage;
+mod setup;
 pub mod usb;
 pub mod vectors;
 
-pub use pins::Board;
 pub use reset::Watchdog;
+pub use setup::Board;
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

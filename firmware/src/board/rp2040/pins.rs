@@ -1,16 +1,12 @@
-//! Pins of the Raspberry Pi Pico and set-up of everything on them. For the wiring see docs/firmware.md.
+//! Pins of the Raspberry Pi Pico. For the wiring see docs/firmware.md.
 
 #![allow(unsafe_code)]
 
-use coil_hbridge::Supervisor;
-use palpate_node::board::{Clkin, cycles};
+use palpate_node::board::Clkin;
 use palpate_node::converter::CONVERTERS;
-use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
+use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, SIO};
 
-use usb_device::bus::UsbBusAllocator;
-
-use super::flash::Area;
-use super::{clocks, coil, flash, i2c, usb, wait};
+use super::clocks;
 
 /// I2C data.
 pub const SDA: usize = 4;
@@ -66,11 +62,11 @@ pub const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 pub const COIL_SLICE: usize = 0;
 
 /// PADS: input on, Schmitt trigger, 4 mA.
-const INPUT: u32 = 1 << 6 | 1 << 1 | 1 << 4;
-const PULL_UP: u32 = 1 << 3;
+pub(super) const INPUT: u32 = 1 << 6 | 1 << 1 | 1 << 4;
+pub(super) const PULL_UP: u32 = 1 << 3;
 const PULL_DOWN: u32 = 1 << 2;
 /// PADS: output driver off, input off, for analogue use.
-const ANALOGUE_PAD: u32 = 1 << 7;
+pub(super) const ANALOGUE_PAD: u32 = 1 << 7;
 /// PWM CSR: count falling edges of input B.
 const COUNT_FALLING: u32 = 3 << 4 | 1;
 
@@ -110,7 +106,7 @@ pub fn set_function(pin: usize, function: Function) {
     };
 }
 
-fn set_pad(pin: usize, bits: u32) {
+pub(super) fn set_pad(pin: usize, bits: u32) {
     // SAFETY: any pad setting within the eight bits is allowed; the pin is the caller's.
     unsafe {
         (*PADS_BANK0::ptr())
@@ -150,7 +146,7 @@ pub fn open_drain(pin: usize, low: bool) {
     }
 }
 
-fn output(pin: usize, high: bool) {
+pub(super) fn output(pin: usize, high: bool) {
     set(pin, high);
     // SAFETY: only this pin's bit is written.
     unsafe { sio().gpio_oe_set().write(|w| w.bits(1 << pin)) };
@@ -158,113 +154,13 @@ fn output(pin: usize, high: bool) {
     set_function(pin, Function::Sio);
 }
 
-fn input(pin: usize, pull: u32) {
+pub(super) fn input(pin: usize, pull: u32) {
     open_drain(pin, false);
     set_pad(pin, INPUT | pull);
     set_function(pin, Function::Sio);
 }
 
-/// The initialised board.
-pub struct Board {
-    /// All clocks run as configured.
-    pub clocks_run: bool,
-    /// The timer, for the monotonic clock.
-    pub timer: rp2040_pac::TIMER,
-    /// Resets, for the monotonic clock.
-    pub resets: rp2040_pac::RESETS,
-    /// Watchdog, not started.
-    pub watchdog: rp2040_pac::WATCHDOG,
-    /// Manager of the coil's drive; `None` if a clock does not run.
-    pub supervisor: Option<Supervisor>,
-    /// Random number of this run, never 0.
-    pub boot_id: u32,
-    /// Unique number of the flash memory; 0 if it has none.
-    pub unit: u64,
-    /// Flash area for settings and calibration.
-    pub area: Area,
-    /// USB; `None` if a clock does not run.
-    pub usb: Option<UsbBusAllocator<usb::Bus>>,
-}
-
-impl Board {
-    /// Sets everything up: first switches the bridge off, then clocks, pins and counters.
-    pub fn init(device: Peripherals) -> Self {
-        let mut resets = device.RESETS;
-        let mut regulator = device.VREG_AND_CHIP_RESET;
-        // Resets blocks that another program may have left in any state.
-        resets.reset().modify(|_, w| {
-            w.io_bank0().set_bit();
-            w.pads_bank0().set_bit();
-            w.pwm().set_bit();
-            w.adc().set_bit();
-            w.dma().set_bit();
-            w.timer().set_bit()
-        });
-        resets.reset().modify(|_, w| {
-            w.io_bank0().clear_bit();
-            w.pads_bank0().clear_bit();
-            w.pwm().clear_bit();
-            w.adc().clear_bit();
-            w.dma().clear_bit()
-        });
-        let ready = wait(|| {
-            let done = resets.reset_done().read();
-            done.io_bank0().bit_is_set()
-                && done.pads_bank0().bit_is_set()
-                && done.pwm().bit_is_set()
-                && done.adc().bit_is_set()
-                && done.dma().bit_is_set()
-        });
-        open_drain(BRIDGE_LIMIT, false);
-        set_pad(BRIDGE_LIMIT, INPUT);
-        set_function(BRIDGE_LIMIT, Function::Sio);
-        output(BRIDGE_ENABLE, false);
-        output(IN1, false);
-        output(IN2, false);
-        // After a pad reset their digital inputs are enabled (erratum RP2040-E6).
-        for pin in ANALOGUE {
-            set_pad(pin, ANALOGUE_PAD);
-        }
-        let clocks_run = clocks::set_up(
-            &mut resets,
-            &device.CLOCKS,
-            device.XOSC,
-            device.PLL_SYS,
-            device.PLL_USB,
-            &mut regulator,
-            &device.WATCHDOG,
-        ) && ready;
-        set_up_converter_pins();
-        output(LED, false);
-        input(BRIDGE_FAULT, PULL_UP);
-        i2c::set_up();
-        let usb = if clocks_run {
-            usb::set_up(
-                device.USBCTRL_REGS,
-                device.USBCTRL_DPRAM,
-                device.CLOCKS,
-                &mut resets,
-            )
-        } else {
-            None
-        };
-        Self {
-            // Without clocks the coil stays off: its PWM period would be undefined.
-            supervisor: if clocks_run { coil::start() } else { None },
-            clocks_run,
-            timer: device.TIMER,
-            resets,
-            watchdog: device.WATCHDOG,
-            boot_id: draw(&device.ROSC),
-            unit: flash::number(),
-            // SAFETY: `init` runs once, and nothing else reads or changes flash from now on.
-            area: unsafe { Area::take() },
-            usb,
-        }
-    }
-}
-
-fn set_up_converter_pins() {
+pub(super) fn set_up_converter_pins() {
     // The converter stays in shutdown until it is started, so none of its wires moves before.
     for pin in SHUTDOWN {
         output(pin, true);
@@ -297,16 +193,6 @@ pub fn set_clkin(clkin: Clkin) {
     // SAFETY: CLK_GPOUT0 is used for nothing else.
     let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
     clocks::send_out(clocks, clkin.divisor());
-}
-
-/// Returns a random number from the jitter of the ring oscillator, waiting 26 of its periods per bit.
-/// Never 0; not suitable for secrets.
-fn draw(ring: &rp2040_pac::ROSC) -> u32 {
-    let number = (0..32).fold(0_u32, |number, _| {
-        cortex_m::asm::delay(cycles(8_000));
-        number << 1 | ring.randombit().read().bits() & 1
-    });
-    number.max(1)
 }
 
 /// Returns the pin of a converter's INTB.

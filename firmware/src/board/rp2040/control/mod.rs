@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 pub mod precedence;
+mod timing;
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -26,13 +27,10 @@ use crate::Mono;
 use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
 use crate::board::safe;
+use timing::{CONTROL_SLICE, CYCLES};
 
-/// PWM slice that triggers the interrupt.
-pub const CONTROL_SLICE: usize = 1;
-/// That slice and the bridge's, as a mask.
+/// The slice that calls the interrupt and the bridge's, as a mask.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
-/// Cycles per period.
-pub const CYCLES: u32 = 2 * FULL_LEVEL as u32;
 /// Count of the control slice when the bridge's slice starts a period. The control slice wraps 10.25 us
 /// later: one conversion and a quarter of a microsecond after the middle.
 const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);

@@ -11,7 +11,7 @@ use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
 use cortex_m::peripheral::NVIC;
 use rp2040_pac::{Interrupt, PWM};
 
-use super::{CONTROL_SLICE, CYCLES};
+use super::timing::{CONTROL_SLICE, CYCLES};
 
 /// Cycles from the check in [`must_wait`] to the end of the bus engine's work: to start a transaction.
 pub const TO_BEGIN: u32 = 360;

@@ -17,6 +17,7 @@ use crate::board::pins;
 use crate::supervision::CHECK_INS;
 use crate::wakeup::{Sleeper, Wakeup};
 use engine::{Job, READ, Stamp, TransferOutcome};
+use recovery::{CLOCK_STUCK, DATA_STUCK, FREED};
 
 /// TX_ABRT_SOURCE bit 0: the address was not acknowledged.
 const ADDRESS: u32 = 1 << 0;
@@ -24,14 +25,6 @@ const ADDRESS: u32 = 1 << 0;
 const DATA: u32 = 1 << 3;
 /// TX_ABRT_SOURCE: arbitration lost to another master or to a wire that is held low.
 const ARBITRATION: u32 = 1 << 12;
-
-/// In the cause of a transaction that exceeded its time limit: the bus was freed. The block does not use
-/// these bits.
-pub const FREED: u32 = 1 << 20;
-/// As [`FREED`]: SDA is stuck low.
-pub const DATA_STUCK: u32 = 1 << 21;
-/// As [`FREED`]: SCL is stuck low.
-pub const CLOCK_STUCK: u32 = 1 << 22;
 
 /// Longest wait of a transaction for the bus: ten times its longest run time.
 const LONGEST_WAIT_US: u32 = 50_000;

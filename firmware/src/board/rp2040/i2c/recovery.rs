@@ -6,10 +6,18 @@ use cortex_m::asm::delay;
 use palpate_node::board::cycles;
 use rp2040_pac::{I2C0, RESETS};
 
+use super::engine;
 use super::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
-use super::{CLOCK_STUCK, DATA_STUCK, FREED, engine};
 use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
+
+/// In the cause of a transaction that exceeded its time limit: the bus was freed. The block does not use
+/// these bits.
+pub const FREED: u32 = 1 << 20;
+/// As [`FREED`]: SDA is stuck low.
+pub const DATA_STUCK: u32 = 1 << 21;
+/// As [`FREED`]: SCL is stuck low.
+pub const CLOCK_STUCK: u32 = 1 << 22;
 
 /// Half a period of the recovery pulses: 100 kHz.
 const HALF_PULSE: u32 = cycles(5_000);
