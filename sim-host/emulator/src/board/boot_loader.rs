@@ -6,37 +6,17 @@ use std::fmt;
 use crate::board::flash::{FlashOperationKind, SECTOR, SIZE};
 use crate::board::plant::Plant;
 use crate::image::FLASH;
-use crate::image::uf2::{self, Download, Uf2Block};
+use crate::image::uf2::{self, Uf2Block};
 use crate::rp2040::rom::RomFunction;
 use crate::rp2040::rom_calls::Step;
 use crate::stop::Stop;
 
-use super::EmulatedBoard;
+use super::{BootLoader, EmulatedBoard};
 
 /// Bit of the disabled interfaces that disables the drive (2.8.3.1.5).
 const NO_DRIVE: u32 = 1;
 /// Delay from a complete UF2 to the reset (the boot ROM's source, `virtual_disk.c`), ms.
 const REBOOT_MS: u32 = 1_000;
-
-/// Start parameters of the boot loader.
-#[derive(Clone, Debug)]
-pub struct BootLoader {
-    /// Pins that show the drive's activity, one bit each; 0 for none.
-    pub activity_pins: u32,
-    /// Bit 0: no drive; bit 1: no PICOBOOT.
-    pub disabled_interfaces: u32,
-    download: Download,
-}
-
-impl BootLoader {
-    pub(super) fn new([activity_pins, disabled_interfaces]: [u32; 2]) -> Self {
-        Self {
-            activity_pins,
-            disabled_interfaces,
-            download: Download::default(),
-        }
-    }
-}
 
 /// Reason why a UF2 was not written completely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,10 +1,12 @@
 //! The board: the processor's core with all of its surroundings, stepped through time.
 
 mod boot_loader;
+mod boot_loader_state;
 pub(crate) mod bridge;
 pub(crate) mod coil;
 pub(crate) mod converters;
 pub(crate) mod flash;
+mod options;
 pub(crate) mod pins;
 pub(crate) mod plant;
 #[cfg(test)]
@@ -13,7 +15,9 @@ pub(crate) mod wire;
 
 use std::ops::Range;
 
-pub use boot_loader::{BootLoader, Uf2Error};
+pub use boot_loader::Uf2Error;
+pub use boot_loader_state::BootLoader;
+pub use options::Options;
 
 use ldc161x_sim::{Chip, Settings, Time};
 use palpate_sim::electrical::{Circuit, Totals};
@@ -21,7 +25,7 @@ use rp2040_emu::core::CortexM0Plus;
 
 use crate::board::bridge::BridgeInputs;
 use crate::board::coil::BridgeCircuit;
-use crate::board::flash::{Flash, FlashTimes};
+use crate::board::flash::Flash;
 use crate::board::pins::pin;
 use crate::board::plant::Plant;
 use crate::board::wire::{LineFault, Wire, WireLog};
@@ -46,57 +50,6 @@ const WFI: u32 = 0xBF30;
 /// that it finds.
 const BOOT_ATTEMPTS: u32 = 128;
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
-
-/// Differences between emulated boards.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// True frequency of the crystal, Hz, the source of all clocks; 0 for a crystal that does not
-    /// start.
-    pub crystal_hz: f64,
-    /// Seed of the ring oscillator's random bit, of the flash's identifier, and of the effects of
-    /// power cuts on the flash.
-    pub seed: u64,
-    /// Duration of erasing and programming the flash.
-    pub flash_times: FlashTimes,
-    /// Cycles to fetch an uncached line of flash. 400 ns for a word, 50 cycles, were measured at
-    /// 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in the same
-    /// transfer, eight nibbles at half the processor's clock.
-    pub miss_cycles: u32,
-    /// Rise time of SCL, from the pull-ups and the load of the wire.
-    pub scl_rise: Time,
-    /// Time from a reset to the first instruction of the image, with the ring oscillator as after
-    /// power on: boot ROM and second stage. Guess.
-    pub boot: Time,
-    /// Content of the RAM after power on; real memory has random content.
-    pub ram_fill: u8,
-    /// Bridge and current measurement.
-    pub drive: BridgeCircuit,
-    /// Sensor frequencies of a second converter, Hz, at address 0x2B with INTB at GP9 and SD at
-    /// GP10; `None` without a second converter.
-    pub second_converter: Option<[f64; 4]>,
-    /// Whether bus traffic is recorded.
-    pub record: bool,
-    /// Whether pins and current are traced.
-    pub trace: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            crystal_hz: 12e6,
-            seed: 1,
-            flash_times: FlashTimes::default(),
-            miss_cycles: 66,
-            scl_rise: Time::from_ns(150),
-            boot: Time::from_ms(2),
-            ram_fill: 0xA5,
-            drive: BridgeCircuit::default(),
-            second_converter: None,
-            record: false,
-            trace: false,
-        }
-    }
-}
 
 /// Number of resets since the board's first power on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

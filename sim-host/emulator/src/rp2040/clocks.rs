@@ -1,6 +1,6 @@
 //! CLOCKS, XOSC, ROSC and the two PLLs (RP2040 datasheet 2.15 to 2.18).
 
-use crate::rp2040::bus::base;
+use crate::rp2040::base;
 use crate::time::periods_ps;
 
 /// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).

@@ -1,6 +1,7 @@
 //! The RP2040: its bus, memories and peripherals, except for USB.
 
 pub(crate) mod adc;
+pub(crate) mod base;
 pub(crate) mod bus;
 pub(crate) mod clocks;
 pub(crate) mod dma;

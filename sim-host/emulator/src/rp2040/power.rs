@@ -1,6 +1,6 @@
 //! RESETS, PSM, the core voltage and the cause of the last reset (RP2040 datasheet 2.10 to 2.14).
 
-use crate::rp2040::bus::base;
+use crate::rp2040::base;
 
 /// Blocks in RESETS, by bit (2.14.1).
 pub(crate) mod block {

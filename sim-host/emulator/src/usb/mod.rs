@@ -24,7 +24,7 @@ use controller::UsbController;
 
 /// Whether an address is in the window of the controller's memory.
 pub(crate) const fn is_memory(address: u32) -> bool {
-    address & !0xFFF == crate::rp2040::bus::base::USB_MEMORY
+    address & !0xFFF == crate::rp2040::base::USB_MEMORY
 }
 
 /// Controller, cable and host.

@@ -1,6 +1,7 @@
 //! The flash's commands, byte by byte while it is selected (datasheet, instructions).
 
-use super::{Flash, FlashOperationKind, PAGE};
+use super::transfer::{ADDRESSED, Transfer};
+use super::{Flash, FlashOperationKind};
 
 const PAGE_PROGRAM: u8 = 0x02;
 const READ_DATA: u8 = 0x03;
@@ -25,41 +26,6 @@ const WRITE_ENABLED: u8 = 1 << 1;
 /// Status register 2: quad enabled, the factory setting of a Pico's part (datasheet, status
 /// registers).
 const STATUS_2: u8 = 1 << 1;
-
-/// Bytes of a command with its address.
-const ADDRESSED: usize = 4;
-
-/// Bytes received since the flash was selected.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Transfer {
-    bytes: Vec<u8>,
-}
-
-impl Transfer {
-    fn command(&self) -> Option<u8> {
-        self.bytes.first().copied()
-    }
-
-    /// Address after the command; `None` until it is complete.
-    fn address(&self) -> Option<u32> {
-        match self.bytes.get(1..ADDRESSED)? {
-            &[high, middle, low] => Some(u32::from_be_bytes([0, high, middle, low])),
-            _ => None,
-        }
-    }
-
-    /// Bytes for a page. They wrap within it, and the last ones count (datasheet, command 02h).
-    fn page(&self, address: u32) -> Box<[u8; PAGE]> {
-        let mut page = Box::new([0xFF; PAGE]);
-        let offsets = (0..PAGE).cycle().skip(address as usize % PAGE);
-        for (offset, byte) in offsets.zip(self.bytes.iter().skip(ADDRESSED)) {
-            if let Some(place) = page.get_mut(offset) {
-                *place = *byte;
-            }
-        }
-        page
-    }
-}
 
 impl FlashOperationKind {
     /// Operation of a command.

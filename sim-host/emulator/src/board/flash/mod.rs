@@ -2,7 +2,9 @@
 
 mod chance;
 mod command;
+mod geometry;
 mod sectors;
+mod transfer;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -10,15 +12,9 @@ use std::sync::Arc;
 use crate::time::Time;
 
 use chance::Chance;
-use command::Transfer;
+pub(crate) use geometry::{PAGE, SECTOR, SIZE};
 use sectors::Sectors;
-
-/// Bytes of the chip (datasheet, general description).
-pub(crate) const SIZE: usize = 2 * 1024 * 1024;
-/// Bytes of the smallest erasable unit (datasheet, command 20h).
-pub(crate) const SECTOR: usize = 4 * 1024;
-/// Most bytes that one command programs (datasheet, command 02h).
-pub(crate) const PAGE: usize = 256;
+use transfer::Transfer;
 
 /// Part of an erase's time in which it first clears all bits, so that the cells age alike. The
 /// datasheet does not give it; guess.

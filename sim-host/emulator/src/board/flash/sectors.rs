@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{PAGE, SECTOR, SIZE};
+use super::geometry::{PAGE, SECTOR, SIZE};
 
 /// Value of an erased byte.
 const ERASED: u8 = 0xFF;

@@ -152,7 +152,7 @@ mod tests {
     use crate::board::plant::Still;
     use crate::board::wire::Wire;
     use crate::image::Image;
-    use crate::rp2040::bus::base;
+    use crate::rp2040::base;
     use crate::rp2040::power::block;
     use crate::stop::Stop;
 

@@ -1,0 +1,56 @@
+//! Options of an emulated board.
+
+use crate::board::coil::BridgeCircuit;
+use crate::board::flash::FlashTimes;
+use crate::time::Time;
+
+/// Differences between emulated boards.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// True frequency of the crystal, Hz, the source of all clocks; 0 for a crystal that does not
+    /// start.
+    pub crystal_hz: f64,
+    /// Seed of the ring oscillator's random bit, of the flash's identifier, and of the effects of
+    /// power cuts on the flash.
+    pub seed: u64,
+    /// Duration of erasing and programming the flash.
+    pub flash_times: FlashTimes,
+    /// Cycles to fetch an uncached line of flash. 400 ns for a word, 50 cycles, were measured at
+    /// 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in the same
+    /// transfer, eight nibbles at half the processor's clock.
+    pub miss_cycles: u32,
+    /// Rise time of SCL, from the pull-ups and the load of the wire.
+    pub scl_rise: Time,
+    /// Time from a reset to the first instruction of the image, with the ring oscillator as after
+    /// power on: boot ROM and second stage. Guess.
+    pub boot: Time,
+    /// Content of the RAM after power on; real memory has random content.
+    pub ram_fill: u8,
+    /// Bridge and current measurement.
+    pub drive: BridgeCircuit,
+    /// Sensor frequencies of a second converter, Hz, at address 0x2B with INTB at GP9 and SD at
+    /// GP10; `None` without a second converter.
+    pub second_converter: Option<[f64; 4]>,
+    /// Whether bus traffic is recorded.
+    pub record: bool,
+    /// Whether pins and current are traced.
+    pub trace: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            crystal_hz: 12e6,
+            seed: 1,
+            flash_times: FlashTimes::default(),
+            miss_cycles: 66,
+            scl_rise: Time::from_ns(150),
+            boot: Time::from_ms(2),
+            ram_fill: 0xA5,
+            drive: BridgeCircuit::default(),
+            second_converter: None,
+            record: false,
+            trace: false,
+        }
+    }
+}
