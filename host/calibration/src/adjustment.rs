@@ -19,7 +19,8 @@
 //! tolerance. The mean bend of the trains' lines is then removed from h's shape.
 
 use super::Unusable;
-use super::actuated::{Actuated, Fit, Train};
+use super::actuated::{Fit, Train};
+use super::actuated_layer::Actuated;
 use super::crosstalk::Crosstalk;
 use super::least_squares::{Solution, System};
 use super::line::{Bend, FallSample};

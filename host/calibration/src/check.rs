@@ -8,8 +8,6 @@
 //! quantity. The other errors, a constant and a part of kappa, remain; their effect on the press
 //! goes into the signal's size, so they cancel near the spring's kappa.
 
-use std::fmt;
-
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
 
@@ -17,7 +15,7 @@ use super::adjustment::{LEAST_SCATTER, of_signal};
 use super::claim::LOADS;
 use super::temperature::brought_to;
 use super::terms::terms;
-use super::untouched::MOST_CHANGE;
+use super::unchecked::{MOST_DEVIATION, Unchecked};
 
 /// A press onto a known spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,84 +49,6 @@ pub struct Checked {
     /// The same uncertainty after the check.
     pub uncertainty_after: [f64; LOADS.len()],
 }
-
-/// Why a check gives no result.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unchecked {
-    /// A part of the calibration is not set.
-    Missing(&'static str),
-    /// The press contradicts the calibration.
-    Contradiction {
-        /// Deviation in standard errors; positive where the spring was read too stiff.
-        deviation: f64,
-    },
-    /// A value is impossible for a press onto a spring.
-    NotAPress,
-    /// The notes do not belong to a train on the untouched sensor.
-    NotATrain,
-    /// Contact changed during a train without a press.
-    Touched,
-    /// The session does not belong to the calibration in force.
-    OtherSession,
-    /// The cross-talk of the untouched sensor has changed too much.
-    OtherField {
-        /// Relative change.
-        change: f64,
-    },
-}
-
-/// Standard errors beyond which the calibration is refused and not corrected. One check in 370
-/// refuses a valid calibration.
-pub const MOST_DEVIATION: f64 = 3.0;
-
-impl fmt::Display for Unchecked {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing(part) => write!(
-                f,
-                "the board has no {part}: calibrate it with `palpate calibrate sensor`"
-            ),
-            Self::Contradiction { deviation } => write!(
-                f,
-                "the spring is read {:.1} standard errors too {}, more than the {MOST_DEVIATION:.0} that a \
-                 calibration may be off. Press the same spring once more; if it stays so, see that it is \
-                 the spring that was named, that nothing else touches the sensor and that no iron is near, \
-                 and calibrate anew",
-                deviation.abs(),
-                if *deviation > 0.0 { "stiff" } else { "soft" }
-            ),
-            Self::NotAPress => write!(
-                f,
-                "the press has no force or no uncertainty: press the spring as deep as objects are pressed"
-            ),
-            Self::NotATrain => write!(
-                f,
-                "half of the train's falls or more are missing: see that the board sends every sample, and \
-                 that the current reaches its peak (`palpate doctor`)"
-            ),
-            Self::Touched => write!(
-                f,
-                "the reading of the untouched sensor drifts by more than a fifth of what the current adds to it: take \
-                 everything off the sensor, wait until it has recovered from a press, and try again"
-            ),
-            Self::OtherSession => write!(
-                f,
-                "the session is not the one that the calibration in force was made of: name the file that \
-                 `palpate calibrate sensor --save-session` wrote then"
-            ),
-            Self::OtherField { change } => write!(
-                f,
-                "what the coil's current adds to the reading of the untouched sensor has changed by {:+.0} %, \
-                 more than {:.0} %: see that no iron is near and that the current is what the board measures \
-                 (`palpate calibrate current`), and calibrate anew",
-                change * 100.0,
-                MOST_CHANGE * 100.0
-            ),
-        }
-    }
-}
-
-impl std::error::Error for Unchecked {}
 
 /// Checks a calibration, given as the commands that set it, by a press.
 ///

@@ -5,7 +5,7 @@
 //! the same reason.
 
 use super::Unusable;
-use super::actuated::Actuated;
+use super::actuated_layer::Actuated;
 use super::least_squares::System;
 
 /// Maximum number of steps from the solution of the linear equation: trains of the shipped designs
@@ -293,7 +293,7 @@ impl TrainFit {
 mod tests {
     use palpate_sim::random::Stream;
 
-    use crate::actuated::Actuated;
+    use crate::actuated_layer::Actuated;
     use crate::made::{
         ATTRACTION_N_PER_A2, KAPPAS, PEAK_A, RATIO, RISE, SENSING_N_PER_M, Sensor, mean, noise,
         problem, train, train_of,

@@ -11,33 +11,8 @@ use palpate_wire::command::{
 };
 
 use super::session::Session;
-use super::{Calibration, Known, Unusable, evaluate};
-
-/// Smallest difference of temperature between two sessions, K: without any change two calibrations
-/// differ by up to a per cent, which over five kelvin is 0.2 %/K.
-pub const LEAST_DIFFERENCE_K: f64 = 5.0;
-
-/// Largest coefficient, 1/K, as in the protocol. Silicone rubbers change by some tenths of a per
-/// cent.
-pub const MOST_PER_K: f64 = 0.05;
-
-/// A coefficient and its standard uncertainty, 1/K.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coefficient {
-    /// Relative change per kelvin.
-    pub per_k: f64,
-    /// Standard uncertainty of `per_k`.
-    pub uncertainty_per_k: f64,
-}
-
-/// Coefficients of springs and rise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coefficients {
-    /// Coefficient of both springs together.
-    pub springs: Coefficient,
-    /// Coefficient of the rise.
-    pub rise: Coefficient,
-}
+use super::unusable::{LEAST_DIFFERENCE_K, MOST_PER_K, Unusable};
+use super::{Calibration, Coefficient, Coefficients, Known, evaluate};
 
 /// Evaluates two sessions of the same bench, with the same specimens, at two temperatures. Returns
 /// the calibration of the first session with the coefficients.

@@ -13,10 +13,10 @@
 use palpate_wire::Command;
 use palpate_wire::command::{Crosstalk, Settings, StiffeningCurve};
 
-use super::check::{MOST_DEVIATION, Unchecked};
 use super::least_squares::System;
 use super::samples::{Fallen, SampleRun};
 use super::session::Run;
+use super::unchecked::{MOST_CHANGE, MOST_DEVIATION, Unchecked};
 
 /// A calibration corrected by a train without a press.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,9 +31,6 @@ pub struct Untouched {
     pub corrected: bool,
 }
 
-/// Greatest corrected change. Tests cover changes of the cross-talk up to a fifth; a larger change
-/// has causes outside the model.
-pub const MOST_CHANGE: f64 = 0.3;
 /// Relative standard uncertainty in addition to the scatter of the falls: the drift of the
 /// untouched reading by warming is taken as linear over a train. With it 24 trains without any
 /// change, on 12 simulated sensors of the design `ultrasoft` from seed 710001, half of them 30 K

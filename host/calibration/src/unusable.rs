@@ -108,7 +108,7 @@ impl fmt::Display for Unusable {
                 "the second session was {difference_k:+.1} K from the first, and {:.0} K are the least that \
                  shows what the temperature does: warm or cool sensor and board further, and wait until \
                  all of it is at that temperature",
-                super::LEAST_DIFFERENCE_K
+                LEAST_DIFFERENCE_K
             ),
             Self::OtherSpecimens => write!(
                 f,
@@ -120,7 +120,7 @@ impl fmt::Display for Unusable {
                 "springs or stiffening change by {:+.1} %/K between the two sessions, more than {:.0} %/K: are they \
                  of the same sensor, and are both temperatures those of all of it?",
                 per_k * 100.0,
-                super::MOST_PER_K * 100.0
+                MOST_PER_K * 100.0
             ),
             Self::TooUncertain {
                 at_sensing,
@@ -150,3 +150,11 @@ impl fmt::Display for Unusable {
 }
 
 impl std::error::Error for Unusable {}
+
+/// Smallest difference of temperature between two sessions, K: without any change two calibrations
+/// differ by up to a per cent, which over five kelvin is 0.2 %/K.
+pub const LEAST_DIFFERENCE_K: f64 = 5.0;
+
+/// Largest coefficient, 1/K, as in the protocol. Silicone rubbers change by some tenths of a per
+/// cent.
+pub const MOST_PER_K: f64 = 0.05;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::DataFault;
+use super::data_fault::DataFault;
 
 /// The checks of a bench's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -5,32 +5,15 @@
 //! evaluation. The refusal of a value beyond its limit states the value, the likely cause and a
 //! remedy.
 
+mod data_fault;
 mod figures;
 mod kinds;
 
-use std::fmt;
-
+pub use self::data_fault::DataFault;
 use self::figures::Figures;
 pub use self::kinds::Check;
 use crate::session::{Pressed, Run, Session};
 use crate::{Known, Unusable, frame, spring_deviations};
-
-/// A fault of a bench's data, with its likely cause and a remedy.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DataFault {
-    /// Name, stable across versions.
-    pub name: &'static str,
-    /// Description of the fault.
-    pub cause: String,
-    /// Remedy.
-    pub action: &'static str,
-}
-
-impl fmt::Display for DataFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}. {}", self.cause, self.action)
-    }
-}
 
 /// A value beside the limit of its check.
 #[derive(Clone, Debug, PartialEq)]

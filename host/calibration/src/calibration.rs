@@ -1,0 +1,74 @@
+//! A calibration: commands, figures, and the data they were found from.
+
+use palpate_wire::Command;
+
+use super::{Actuated, Crosstalk, Uncertainty, curve::PressCurve};
+
+/// A coefficient and its standard uncertainty, 1/K.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficient {
+    /// Relative change per kelvin.
+    pub per_k: f64,
+    /// Standard uncertainty of `per_k`.
+    pub uncertainty_per_k: f64,
+}
+
+/// Coefficients of springs and rise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients {
+    /// Coefficient of both springs together.
+    pub springs: Coefficient,
+    /// Coefficient of the rise.
+    pub rise: Coefficient,
+}
+
+/// A calibration, as figures and as the commands that set it.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// Commands in the order of sending.
+    pub commands: Vec<Command>,
+    /// c_S of the evaluation, N/m.
+    pub sensing_n_per_m: f64,
+    /// The actuated layer.
+    pub actuated: Actuated,
+    /// Ratio of a relative error of the stiffening to one of the signal, at the mean depth.
+    pub stiffening_of_signal: f64,
+    /// Remaining uncertainty.
+    pub uncertainty: Uncertainty,
+    /// Cross-talk of the coil's current.
+    pub crosstalk: Crosstalk,
+    /// Temperature coefficients of springs and rise; `Some` after sessions at two temperatures.
+    pub coefficients: Option<Coefficients>,
+    /// Data behind the calibration, for charts.
+    pub basis: Basis,
+    /// Force against the relative change of inductance, F(y).
+    pub(crate) force: PressCurve,
+}
+
+/// Data behind a calibration.
+#[derive(Clone, Debug)]
+pub struct Basis {
+    /// Relative change of inductance in the presses onto the block, with the deviation of the load
+    /// cell from the curve, N. Empty without a load cell.
+    pub presses: Vec<(f64, f64)>,
+    /// The curve fitted to these presses.
+    pub curve: Vec<(f64, f64)>,
+    /// Nominal c_S/c_L of every train, with the deviation of the train's own line.
+    pub trains: Vec<(f64, f64)>,
+    /// Nominal stiffness of every spring, with the stiffness from stage and force, N/m. Empty
+    /// without a scale.
+    pub springs: Vec<(f64, f64)>,
+}
+
+impl Calibration {
+    /// Adds a relative standard uncertainty of the rise for errors that have the signal's shape and
+    /// show in no press: an error of the rise itself, and creep that ends before a train.
+    pub fn allow_for_rise(&mut self, uncertainty: f32) {
+        for command in &mut self.commands {
+            if let Command::SetStiffeningCurve(chunk) = command {
+                let of_signal = uncertainty * self.stiffening_of_signal as f32;
+                chunk.rise_uncertainty = chunk.rise_uncertainty.hypot(of_signal);
+            }
+        }
+    }
+}
