@@ -76,6 +76,17 @@ impl Failure {
     }
 }
 
+impl Finding {
+    /// Converts the failure of a board that was present when it was opened.
+    pub fn of(failure: Failure) -> Self {
+        match failure {
+            Failure::Unconnected(finding) => finding,
+            Failure::Lost(cause) => Self::new("gone", cause, "Then run `palpate doctor` again"),
+            other => Self::new("unanswered", other.to_string(), "Plug the board in again"),
+        }
+    }
+}
+
 /// Prints the failure, if any, and returns the exit code.
 pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
@@ -169,5 +180,17 @@ impl From<io::Error> for Failure {
 impl From<serde_json::Error> for Failure {
     fn from(error: serde_json::Error) -> Self {
         Self::Output(error.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_that_is_gone_and_one_that_does_not_answer_are_different_findings() {
+        let of = |failure| Finding::of(failure).finding;
+        assert_eq!(of(Failure::Lost("gone".to_owned())), "gone");
+        assert_eq!(of(Failure::Refused("silent".to_owned())), "unanswered");
     }
 }
