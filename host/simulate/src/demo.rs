@@ -11,9 +11,9 @@ use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::Holder;
 
-use crate::engine::{Engine, EngineChoice};
+use crate::engine::{Engine, EngineChoice, press};
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
-use crate::press::{CLEARANCE_M, Press, press};
+use crate::press::{CLEARANCE_M, Press};
 use crate::report;
 use crate::results::{self, Measured};
 

@@ -3,8 +3,9 @@
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::progress::Progress;
+use palpate_sim::mechanics::press::Profile;
 use palpate_sim::native::{NativeBoard, Wiring};
-use palpate_sim::world::World;
+use palpate_sim::world::{Setup, World};
 
 use crate::instrument::CalibratedInstrument;
 use crate::press::{Press, PressOutcome, press_on};
@@ -59,4 +60,20 @@ impl Engine for Native {
         let hardware = Wiring::new(world);
         press_on(&mut NativeBoard::new(&hardware), instrument, how).map_err(Failure::refused)
     }
+}
+
+/// Presses an object onto the instrument and waits for an estimate or refusal.
+pub fn press(
+    instrument: &CalibratedInstrument,
+    how: &Press,
+    engine: &dyn Engine,
+) -> Result<PressOutcome, Failure> {
+    let setup = Setup {
+        load: how.load,
+        holder: how.holder,
+        profile: Profile::at(-how.clearance_m),
+        ..Setup::default()
+    };
+    let world = World::new(&instrument.plant, instrument.switches, setup)?;
+    engine.press(world, instrument, how)
 }

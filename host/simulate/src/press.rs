@@ -1,14 +1,11 @@
 //! One press of an object onto a simulated, calibrated instrument.
 
-use palpate_cli::failure::Failure;
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::mechanics::load::Load;
-use palpate_sim::mechanics::press::Profile;
-use palpate_sim::world::{Holder, Setup, World};
+use palpate_sim::world::Holder;
 use palpate_wire::{Command, Frame, Record};
 
-use crate::engine::Engine;
 use crate::instrument::CalibratedInstrument;
 
 /// Press profile: object, holder, clearance, depth, speed.
@@ -67,22 +64,6 @@ impl PressOutcome {
     }
 }
 
-/// Presses an object onto the instrument and waits for an estimate or refusal.
-pub fn press(
-    instrument: &CalibratedInstrument,
-    how: &Press,
-    engine: &dyn Engine,
-) -> Result<PressOutcome, Failure> {
-    let setup = Setup {
-        load: how.load,
-        holder: how.holder,
-        profile: Profile::at(-how.clearance_m),
-        ..Setup::default()
-    };
-    let world = World::new(&instrument.plant, instrument.switches, setup)?;
-    engine.press(world, instrument, how)
-}
-
 /// Carries out the press on a device.
 pub fn press_on<D: Device>(
     board: &mut D,
@@ -133,7 +114,7 @@ mod tests {
     use palpate_wire::record::LoadPoint;
 
     use super::*;
-    use crate::engine::Native;
+    use crate::engine::{Native, press};
     use crate::instrument::{SPEED_M_PER_S, default_settings};
 
     /// A press of a finger-like object that stiffens, with the points of its load curve.

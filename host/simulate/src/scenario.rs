@@ -9,9 +9,9 @@ use palpate_cli::output::{OutputFile, distinct};
 use palpate_sim::scenario::{self, Scenario};
 use palpate_sim::stack::{Disturbances, LoadError};
 
-use crate::engine::{Engine, EngineChoice};
+use crate::engine::{Engine, EngineChoice, press};
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
-use crate::press::{CLEARANCE_M, Press, press};
+use crate::press::{CLEARANCE_M, Press};
 use crate::report;
 use crate::results::{self, Measured};
 

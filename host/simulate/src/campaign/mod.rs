@@ -22,7 +22,7 @@ use palpate_wire::command::Settings;
 use serde::Serialize;
 
 use self::counted::Counted;
-use self::press::Press;
+use self::press::{PlantResult, Press};
 use self::rows::Rows;
 pub use self::rows::WriteParquet;
 use palpate_cli::evidence::{BEGIN, END};
@@ -133,9 +133,6 @@ fn load(text: &str) -> Result<f64, String> {
 pub fn least_honest(sensors: usize) -> f64 {
     0.95 - 3.0 * (0.95 * 0.05 / sensors.max(1) as f64).sqrt()
 }
-
-/// All presses of one sensor, or the reason why it could not be calibrated.
-type PlantResult = Result<Vec<Press>, String>;
 
 /// Runs the verb; `parquet` is a function that writes Parquet, if the program has one.
 ///

@@ -11,10 +11,13 @@ use palpate_wire::record::Estimate;
 
 use super::world::World;
 use crate::bench::NativeBench;
-use crate::engine::Native;
+use crate::engine::{self, Native};
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, coil};
 use crate::press;
 use crate::verdict::Verdict;
+
+/// All presses of one sensor, or the reason why it could not be calibrated.
+pub(super) type PlantResult = Result<Vec<Press>, String>;
 
 /// A press and its outcome.
 #[derive(Clone, Debug)]
@@ -145,7 +148,7 @@ fn pressed(
         depth_m: depth * instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };
-    press::press(&instrument, &how, &Native)
+    engine::press(&instrument, &how, &Native)
 }
 
 /// Presses all loads in one world, after the requested checks.

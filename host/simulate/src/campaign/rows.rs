@@ -10,8 +10,7 @@ use palpate_cli::output::OutputFile;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::PlantResult;
-use super::press::Press;
+use super::press::{PlantResult, Press};
 
 /// Writer of the rows. Until the run is complete, they are in a journal beside the file, as CSV,
 /// which an interrupted run leaves. An older file stays until then, and a Parquet file is
