@@ -7,6 +7,7 @@ mod expected;
 mod heat;
 mod information;
 mod line;
+mod result;
 mod search;
 mod sensor;
 mod show;
@@ -25,7 +26,8 @@ pub use self::chip::Conversions;
 pub use self::expected::PlannedPress;
 use self::expected::{ASSUMED_FROM, ExpectedError};
 pub use self::information::Information;
-use self::search::{ComparedTrain, TrainLimit, TrainSearch};
+use self::result::Plan;
+use self::search::{TrainLimit, TrainSearch};
 pub use self::sensor::{PlannedSensor, metres_per_relative_frequency};
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
@@ -78,18 +80,6 @@ pub struct Arguments {
     /// Draw the errors against the load
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-}
-
-/// Plan for a sensor design.
-struct Plan {
-    stack: String,
-    /// Whether the design differs from [`ASSUMED_FROM`].
-    is_assumed: bool,
-    sensor: PlannedSensor,
-    press: PlannedPress,
-    contact_s: f64,
-    errors: Vec<ExpectedError>,
-    trains: Vec<ComparedTrain>,
 }
 
 /// Runs the verb.

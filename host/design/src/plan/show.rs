@@ -9,9 +9,9 @@ use palpate_cli::plot::{Axis, BLUE, Chart, GREEN, GREY, Marks, ORANGE, Series};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::Plan;
 use super::causes::{Cause, Quantity};
 use super::expected::{ASSUMED_FROM, ExpectedError};
+use super::result::Plan;
 use super::search::{COMPARED, ComparedTrain};
 
 /// Formats the plan for the terminal.

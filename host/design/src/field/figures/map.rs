@@ -7,8 +7,8 @@ use palpate_field::geometry::shape::Shape;
 use palpate_field::solve::Locator;
 use plotters::prelude::*;
 
+use super::picture::{FONT, LABEL, Picture, TITLE};
 use super::scale::{ColourScale, colour};
-use super::{FONT, LABEL, Picture, TITLE};
 
 /// Number of columns; three are half a millimetre of a 70 mm wide picture.
 const COLUMNS: usize = 200;

@@ -1,6 +1,7 @@
 //! `palpate field figures`: the field as pictures.
 
 mod map;
+mod picture;
 mod profiles;
 mod scale;
 
@@ -10,12 +11,11 @@ use std::path::PathBuf;
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
-use palpate_field::design::Design;
-use palpate_field::solve::Solved;
 
 use super::input::{DesignSource, current, sharpened};
 use super::tables::BeyondTable;
 use crate::field::drive::Drive;
+use picture::Picture;
 
 /// Draw a design: map of the flux density with field lines, profiles along and across the axis
 #[derive(Args)]
@@ -34,24 +34,8 @@ pub(super) struct Arguments {
     out: PathBuf,
 }
 
-/// A field to draw.
-struct Picture<'p> {
-    design: &'p Design,
-    solved: &'p Solved,
-    /// Unit of |B|: `mT` or `mT/A`.
-    unit: String,
-    /// Drive in words.
-    driven: String,
-}
-
 /// Draws a picture as SVG.
 type Draw = fn(&Picture<'_>) -> Result<String, String>;
-
-/// Font of the drawings: any sans-serif font. Drawings are made large, since the library rounds to
-/// whole pixels.
-const FONT: &str = "sans-serif";
-const TITLE: u32 = 40;
-const LABEL: u32 = 30;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;

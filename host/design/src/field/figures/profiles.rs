@@ -6,7 +6,7 @@ use palpate_field::geometry::Point;
 use palpate_field::solve::Solved;
 use plotters::prelude::*;
 
-use super::{FONT, LABEL, Picture, TITLE};
+use super::picture::{FONT, LABEL, Picture, TITLE};
 use crate::field::profile::ProfileLine;
 
 const POINTS: u32 = 601;

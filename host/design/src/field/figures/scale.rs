@@ -3,7 +3,7 @@
 use palpate_cli::plot::Area;
 use plotters::prelude::*;
 
-use super::{FONT, LABEL};
+use super::picture::{FONT, LABEL};
 
 /// Number of colour bands.
 const BANDS: i32 = 18;
