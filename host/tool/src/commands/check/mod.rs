@@ -1,109 +1,17 @@
 //! `palpate check`: whether a board's calibration is still valid, by a train without a press and by
 //! a known spring.
 
+mod arguments;
+mod in_force;
 mod spring;
 mod untouched;
 
-use std::path::PathBuf;
-use std::time::Duration;
-
-use clap::Args;
+pub(crate) use arguments::Arguments;
 use palpate_cli::failure::Failure;
-use palpate_cli::quantity;
-use palpate_wire::Command;
-
-use crate::board::configuration;
-use crate::board::link::{self, Link};
-use crate::commands::calibrate::sensor::{
-    identity, put_in_force, spring as stiffness_of, tolerance,
-};
-
-/// Check a board's calibration, and correct what has changed
-///
-/// Temperature and age change the stiffening, which no press upon an unknown object shows. One press upon a
-/// spring of known stiffness does: what the calibration leaves open of the stiffening is corrected, and a
-/// calibration that is off by more than three standard errors is refused.
-///
-/// With --untouched nothing is pressed. A train shows whether the current still adds to the reading what it added on
-/// the bench: a change is corrected. The current may be another than the board measures then, so that the change counts
-/// as an uncertainty of the stiffening, until a known spring is pressed.
-#[derive(Args)]
-#[command(after_help = "\
-First without a press, then with a spring. The spring should be about as stiff as the sensing layer, \
-and be pressed as deep as objects are. The calibration is in force at once, and lost with the power \
-unless it is stored.
-
-Exit code 1 if the press contradicts the calibration, or the board refuses the measurement.
-
-Examples:
-  palpate check --untouched cold.json
-  palpate check --spring 8000 --store
-  palpate check --board emulated --load 1 --store")]
-pub(crate) struct Arguments {
-    #[command(flatten)]
-    link: link::Arguments,
-    /// Check by a train without a press, held against the bench's own in the session that the calibration was made of
-    /// (`palpate calibrate sensor --save-session`)
-    #[arg(long, value_name = "SESSION.json", conflicts_with_all = ["spring", "tolerance", "load", "wait"])]
-    untouched: Option<PathBuf>,
-    /// Stiffness of the spring with what it stands on, N/m. The emulated board knows its own
-    #[arg(long, value_name = "N_PER_M", value_parser = stiffness_of)]
-    spring: Option<f64>,
-    /// How far that may be off, relative
-    #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
-    tolerance: f64,
-    /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
-    /// stiffness
-    #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = quantity::load, allow_negative_numbers = true)]
-    load: f64,
-    /// Longest that is waited for a contact, s
-    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
-    wait: Duration,
-    /// Store the corrected calibration
-    #[arg(long)]
-    store: bool,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-}
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.untouched {
         Some(session) => untouched::run(arguments, session),
         None => spring::run(arguments),
     }
-}
-
-/// Reads the calibration in force with the settings, which are in force even if they were never
-/// set.
-fn in_force(link: &mut Link) -> Result<Vec<Command>, Failure> {
-    let mut commands = configuration::read(link)?;
-    let has_settings = commands
-        .iter()
-        .any(|command| matches!(command, Command::SetSettings(_)));
-    if !has_settings {
-        let settings = configuration::settings(link)?;
-        commands.insert(0, Command::SetSettings(settings));
-    }
-    Ok(commands)
-}
-
-/// Puts the corrected calibration in force, with its previous number.
-fn keep(link: &mut Link, commands: &[Command], temperature_c: Option<f64>) -> Result<(), Failure> {
-    let before = commands.iter().find_map(|command| match command {
-        Command::SetCalibrationIdentity(identity) => Some(identity.clone()),
-        _ => None,
-    });
-    let parts: Vec<Command> = commands
-        .iter()
-        .filter(|command| !matches!(command, Command::SetCalibrationIdentity(_)))
-        .cloned()
-        .collect();
-    let calibrated_at_c = before.as_ref().map(|identity| identity.calibrated_at_c);
-    let temperature_c = temperature_c.or(calibrated_at_c.map(f64::from));
-    let identity = identity(
-        before.map(|identity| identity.id),
-        temperature_c.unwrap_or_default(),
-    );
-    put_in_force(link, &parts, identity)
 }

@@ -9,7 +9,8 @@ use palpate_cli::notice;
 use palpate_wire::Command;
 use serde::Serialize;
 
-use super::{Arguments, in_force, keep};
+use super::arguments::Arguments;
+use super::in_force::{in_force, keep};
 use crate::board::link::Run;
 use crate::board::storage;
 use crate::commands::measure::{arm, measured, truth};

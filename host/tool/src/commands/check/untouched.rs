@@ -11,7 +11,8 @@ use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 use serde::Serialize;
 
-use super::{Arguments, in_force, keep};
+use super::arguments::Arguments;
+use super::in_force::{in_force, keep};
 use crate::board::bench::BareInstrument;
 use crate::board::link::Link;
 use crate::board::storage;

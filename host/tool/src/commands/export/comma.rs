@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::columns::Column;
-use super::{Created, Table};
+use super::table::{Created, Table};
 use crate::recording::Recorded;
 use crate::recording::date::NS_PER_S;
 

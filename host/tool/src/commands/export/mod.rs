@@ -3,6 +3,7 @@
 mod columns;
 mod comma;
 mod parquet;
+mod table;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,6 +17,7 @@ use palpate_cli::notice;
 use palpate_cli::output::OutputFile;
 use palpate_wire::Message;
 use serde_json::Value;
+use table::{Created, Table};
 
 use crate::recording::{Entry, Reader, Recorded};
 
@@ -48,18 +50,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FOLDER")]
     parquet: Option<PathBuf>,
 }
-
-/// A table during writing.
-trait Table {
-    /// Adds a record with its fields.
-    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), String>;
-
-    /// Writes the remaining rows.
-    fn finish(self: Box<Self>) -> Result<(), String>;
-}
-
-/// A new table, or the reason why it could not be created.
-type Created = Result<Box<dyn Table>, String>;
 
 /// A file format.
 struct Format {

@@ -7,7 +7,7 @@ use palpate_wire::schema;
 use serde_json::Value;
 
 use super::columns::Column;
-use super::{Created, Table};
+use super::table::{Created, Table};
 use crate::recording::Recorded;
 use crate::recording::parquet_file::{Head, Kind, ParquetFile};
 

@@ -13,7 +13,7 @@ use palpate_wire::code::Outcome;
 use palpate_wire::command::CalibrationIdentity;
 use palpate_wire::{Command, Record};
 
-use super::Arguments;
+use super::arguments::Arguments;
 use super::feed::Request;
 use super::state::Progress;
 use super::view::View;

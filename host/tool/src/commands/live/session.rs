@@ -8,6 +8,7 @@ use palpate_wire::code::{FaultCode, Part, RebootTarget};
 use palpate_wire::command::{ClearFault, GetCalibration, Reboot};
 use palpate_wire::{Command, Record};
 
+use super::arguments::Arguments;
 use super::calibration::{self, Held};
 use super::feed::{Feed, Request};
 use super::state::Progress;
@@ -29,7 +30,7 @@ const PARTS: [Part; 3] = [Part::Springs, Part::StiffeningCurve, Part::Attraction
 /// A board with its pages.
 pub(super) struct LiveSession<'a> {
     link: Link,
-    arguments: &'a super::Arguments,
+    arguments: &'a Arguments,
     view: View,
     /// Boot whose calibration has been read.
     read_of: Option<u32>,
@@ -41,7 +42,7 @@ pub(super) struct LiveSession<'a> {
 }
 
 impl<'a> LiveSession<'a> {
-    pub(super) fn new(link: Link, arguments: &'a super::Arguments, feed: Feed) -> Self {
+    pub(super) fn new(link: Link, arguments: &'a Arguments, feed: Feed) -> Self {
         let progress = calibration::ready(arguments);
         Self {
             view: View::new(feed, link.name(), progress),

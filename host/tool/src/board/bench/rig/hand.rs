@@ -9,17 +9,6 @@ const STEPS: u32 = 4;
 /// Rest on each step, s: enough samples for a mean with a noise well below a nanometre.
 const REST_S: f64 = 0.3;
 
-/// State of a stage driven by hand.
-#[derive(Default)]
-pub(super) struct Hand {
-    /// Position of the scale while it rests, m.
-    pub(super) position_m: Option<f64>,
-    /// Whether the stage has a scale; `None` before the first touch.
-    has_scale: Option<bool>,
-    /// Position of the scale at the last touch, m.
-    touch_m: Option<f64>,
-}
-
 impl RigBench<'_> {
     /// Asks the user to press the sensing layer to a depth, m.
     pub(super) fn press_by_hand(&mut self, depth_m: f64) -> Result<(), Failure> {

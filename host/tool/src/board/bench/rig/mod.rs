@@ -5,6 +5,7 @@
 
 mod delay;
 mod hand;
+mod hand_state;
 mod motion;
 mod openscale;
 mod person;
@@ -13,7 +14,7 @@ mod track;
 
 use std::time::Duration;
 
-use hand::Hand;
+use hand_state::Hand;
 use palpate_calibration::bench::{Bench, Instrument, Work};
 use palpate_calibration::checks::DataFault;
 use palpate_calibration::session::{BenchSample, Pressed, Run};
