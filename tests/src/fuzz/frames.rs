@@ -8,7 +8,7 @@ use palpate_wire::{
     RecordDecoder, VERSION, crc32, encode,
 };
 
-use super::Reader;
+use super::reader::Reader;
 use crate::hostile::frame::stuffed;
 
 /// Checks the decoders' promises on a script.

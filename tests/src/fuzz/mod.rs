@@ -2,6 +2,7 @@
 //! the violated promise.
 
 mod frames;
+mod reader;
 mod storage;
 
 use crate::hostile;
@@ -35,26 +36,3 @@ pub const STORAGE: Target = Target {
 
 /// Every target.
 pub const TARGETS: [Target; 3] = [COMMANDS, FRAMES, STORAGE];
-
-/// Reads the bytes of a script; missing bytes at its end count as 0 or as empty.
-struct Reader<'a>(&'a [u8]);
-
-impl<'a> Reader<'a> {
-    fn byte(&mut self) -> u8 {
-        let (first, rest) = self.0.split_first().unwrap_or((&0, &[]));
-        self.0 = rest;
-        *first
-    }
-
-    fn number(&mut self) -> u16 {
-        u16::from_le_bytes([self.byte(), self.byte()])
-    }
-
-    /// Bytes with their number before them.
-    fn bytes(&mut self) -> &'a [u8] {
-        let length = usize::from(self.byte()).min(self.0.len());
-        let (bytes, rest) = self.0.split_at(length);
-        self.0 = rest;
-        bytes
-    }
-}

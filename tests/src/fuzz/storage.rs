@@ -15,7 +15,7 @@ use palpate_sim::native::Flash;
 use palpate_storage::{Contents, Error, Store};
 use palpate_wire::{Command, Message};
 
-use super::Reader;
+use super::reader::Reader;
 use crate::hostile::configuration;
 
 /// Most steps of a script; a fuzzer's would never end.

@@ -1,7 +1,9 @@
 //! `cargo campaign efficiency`: errors of presses against the least error of any estimate from the
 //! same readings.
 
+mod arguments;
 mod bound;
+mod judged_press;
 mod press;
 mod rung;
 mod show;
@@ -13,7 +15,6 @@ mod unknowns;
 use std::io::{self, Write};
 use std::path::Path;
 
-use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::progress::Progress;
@@ -26,62 +27,16 @@ use palpate_simulate::demo;
 use palpate_simulate::engine::Native;
 use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
 
+pub(crate) use self::arguments::Arguments;
 use self::bound::BenchInformation;
-use self::rung::Rung;
+use self::judged_press::JudgedPress;
 use self::show::Efficiency;
 use self::unknowns::{Unknown, unknowns};
-
-/// Press springs on many sensors, each calibrated on its own bench, and compare the errors with the
-/// Cramer-Rao bound of the readings of bench and press
-#[derive(Args)]
-#[command(after_help = "\
-Prints Markdown: errors beside their bounds, and efficiencies, variance of a bound over the variance that was \
-measured, of all that is read and of what the chain uses of it.
-
-Exit code 1 when a bound is above what was measured by more than three standard errors, so that it is none, or \
-when an efficiency of all that is read is below --least.
-
-Example: 40 sensors
-
-  cargo campaign efficiency --plants 40 --seed 810001")]
-pub(crate) struct Arguments {
-    /// Number of sensors
-    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    plants: u64,
-    /// Seed of the first sensor; the next sensors have the next seeds
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Kind of sensor: paper, soft-closed, ultrasoft, or a stack file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "ultrasoft")]
-    stack: String,
-    /// Press at the temperature of the bench
-    #[arg(long)]
-    bench_temperature: bool,
-    /// Least efficiency of the whole chain required at every load
-    #[arg(long, default_value_t = 0.0)]
-    least: f64,
-    /// Print one JSON object per load
-    #[arg(long)]
-    json: bool,
-}
 
 /// Loads, in units of c_S.
 const LOADS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
 /// Number of standard errors by which a bound may exceed the measured value.
 const STANDARD_ERRORS: f64 = 3.0;
-
-/// A press with its bounds. Variances are of ln(c_L).
-#[derive(Clone, Copy, Debug)]
-struct JudgedPress {
-    /// Load, in units of c_S, without its frame.
-    ratio: f64,
-    /// ln(estimate/truth).
-    error_ln: f64,
-    /// Least variances, in the order of [`Rung::ALL`].
-    bounds: [f64; Rung::ALL.len()],
-    /// Variance that `palpate plan` predicts.
-    planned: f64,
-}
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;

@@ -8,7 +8,8 @@ use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use serde::Serialize;
 
-use super::{Arguments, JudgedPress};
+use super::arguments::Arguments;
+use super::judged_press::JudgedPress;
 
 /// Results of one load, as rms of ln, and efficiencies: variance of a bound over the measured
 /// variance.

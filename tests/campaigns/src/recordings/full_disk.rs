@@ -5,8 +5,8 @@ use std::process::Command;
 
 use palpate_cli::failure::Failure;
 
-use super::Part;
 use super::found;
+use super::part::Part;
 use crate::tool::Tool;
 
 /// Script that makes the file system, records there until it is full, and keeps the result.

@@ -10,8 +10,8 @@ use palpate::recording::date::{self, NS_PER_S};
 use palpate_cli::failure::Failure;
 use palpate_sim::random::Stream;
 
-use super::Part;
 use super::found;
+use super::part::Part;
 use crate::tool::Tool;
 
 /// Longest time from the file's creation to the kill, s.

@@ -8,8 +8,8 @@ use palpate_cli::failure::Failure;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Part;
 use super::found;
+use super::part::Part;
 use crate::tool::Tool;
 
 /// Recordings: name and settings. The emulated board has one sensor: the other channels convert

@@ -6,6 +6,7 @@ mod found;
 mod full_disk;
 mod kills;
 mod long_runs;
+mod part;
 mod replays;
 
 use std::io::{self, Write};
@@ -39,12 +40,6 @@ pub(crate) struct Arguments {
     seed: u64,
     #[command(flatten)]
     image: image::Arguments,
-}
-
-/// Result of a part: a sentence, and its failures.
-struct Part {
-    text: String,
-    failed: Option<String>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {

@@ -15,7 +15,7 @@ use palpate_wire::command::Settings;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Part;
+use super::part::Part;
 use crate::tool::Tool;
 
 /// Stack of the boards: the default of emulated boards.
