@@ -9,8 +9,9 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use serde::Deserialize;
 
+use crate::arguments::{Arguments, Verb};
 use crate::process::{Invocation, Workspace};
-use crate::{Arguments, Verb, evidence, gate, repository};
+use crate::{evidence, gate, repository};
 
 /// Verbs of cargo itself, of its usual components, and of tools that `cargo xtask setup` installs.
 const VERBS: &[&str] = &[

@@ -4,9 +4,10 @@
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
+use super::bench::{PeerBench, number, ours, text};
 use super::cases::Case;
 use super::page::range;
-use super::{EQUAL, PeerBench, PeerResult, number, ours, text};
+use super::result::{EQUAL, PeerResult};
 use crate::process::Invocation;
 
 /// Cases of the table.

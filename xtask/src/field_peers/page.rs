@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Compared, EQUAL, PeerResult};
+use super::result::{Compared, EQUAL, PeerResult};
 
 /// The figure and the table.
 pub(super) fn render(rows: &[Compared]) -> (String, String) {

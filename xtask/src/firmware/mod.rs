@@ -1,5 +1,6 @@
 //! The firmware image: built anywhere, checked against its size budget, written for flash tools.
 
+mod image;
 mod panics;
 mod planted;
 mod size;
@@ -10,17 +11,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use crate::members::FIRMWARE_TARGET;
 use crate::process::{Invocation, Workspace};
-use crate::setup::Need;
 
+pub(crate) use image::build;
+use image::build_with;
 pub(crate) use panics::check as check_panics;
 #[cfg(test)]
 pub(crate) use planted::DEFECTS;
 pub(crate) use size::check as check_size;
 
-const PACKAGE: &str = "palpate-firmware";
-const PROFILE: &str = "firmware";
 /// Folder of the files for flash tools and for `palpate --image`, in the workspace.
 const FOLDER: &str = "target/image";
 const NAME: &str = "palpate-pico";
@@ -74,28 +73,4 @@ pub(crate) fn flash(workspace: &Workspace) -> Result<()> {
         "no board could be flashed; probe-rs is installed with `cargo install --locked \
          probe-rs-tools`; without a probe, copy the UF2 file of `cargo xtask firmware` to the board"
     })
-}
-
-/// Builds the image and returns its path.
-pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
-    build_with(workspace, &[])
-}
-
-/// Builds the image with additional cargo arguments, and returns its path.
-fn build_with(workspace: &Workspace, further: &[String]) -> Result<PathBuf> {
-    Need::Target(FIRMWARE_TARGET).provide(workspace)?;
-    let mut arguments = vec![
-        "build",
-        "--locked",
-        "--package",
-        PACKAGE,
-        "--profile",
-        PROFILE,
-        "--target",
-        FIRMWARE_TARGET,
-        "--message-format",
-        "json-render-diagnostics",
-    ];
-    arguments.extend(further.iter().map(String::as_str));
-    workspace.build(&Invocation::cargo(&arguments))
 }

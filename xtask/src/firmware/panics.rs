@@ -11,7 +11,8 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
-use super::{build, planted};
+use super::image::build;
+use super::planted;
 use crate::process::Workspace;
 
 /// Parts that may reach a panic: a crate, or an interrupt into which crates were inlined; each with

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
-use super::{build, build_with};
+use super::image::{build, build_with};
 use crate::planted;
 use crate::process::Workspace;
 

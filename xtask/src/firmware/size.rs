@@ -5,7 +5,7 @@ use std::fs;
 use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSection, ObjectSymbol};
 
-use super::build;
+use super::image::build;
 use crate::process::Workspace;
 
 const BUDGET: &str = "firmware/size-budget.toml";

@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 
 use super::archive::entries;
+use super::files::write;
 
 const FILE: &str = "SHA256SUMS";
 
@@ -31,7 +32,7 @@ pub(super) fn write_for_files(folder: &Path, files: &[&Path]) -> Result<()> {
         let name = name.to_string_lossy().replace('\\', "/");
         writeln!(lines, "{}  {name}", checksum(&contents))?;
     }
-    super::write(&folder.join(FILE), &lines)
+    write(&folder.join(FILE), &lines)
 }
 
 fn checksum(contents: &[u8]) -> String {

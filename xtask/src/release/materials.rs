@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde::Deserialize;
 
+use super::files::{self, new_folder};
 use crate::members::FIRMWARE_TARGET;
 use crate::process::{Invocation, Workspace};
 
@@ -57,13 +58,13 @@ pub(super) fn write(
             target: FIRMWARE_TARGET,
         },
     ];
-    let materials = super::new_folder(&folder.join("materials"))?;
-    let licences = super::new_folder(&folder.join("licences"))?;
+    let materials = new_folder(&folder.join("materials"))?;
+    let licences = new_folder(&folder.join("licences"))?;
     for program in &programs {
         let file = materials.join(format!("{}.cdx.json", program.name));
-        super::write(&file, &bill(workspace, program, time_s)?)?;
+        files::write(&file, &bill(workspace, program, time_s)?)?;
         let file = licences.join(format!("{}.txt", program.name));
-        super::write(&file, &licence_texts(workspace, program)?)?;
+        files::write(&file, &licence_texts(workspace, program)?)?;
     }
     Ok(())
 }

@@ -6,6 +6,7 @@
 
 mod archive;
 mod checksums;
+mod files;
 mod materials;
 mod paths;
 
@@ -14,6 +15,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+
+use files::{new_folder, write};
 
 use crate::firmware;
 use crate::process::{Invocation, Workspace};
@@ -145,20 +148,6 @@ fn write_help(workspace: &Workspace, tool: &Path, folder: &Path) -> Result<()> {
 
 fn extension() -> &'static str {
     EXE_SUFFIX.trim_start_matches('.')
-}
-
-/// Creates an empty folder.
-fn new_folder(path: &Path) -> Result<PathBuf> {
-    if path.exists() {
-        fs::remove_dir_all(path)
-            .with_context(|| format!("{} cannot be removed", path.display()))?;
-    }
-    fs::create_dir_all(path).with_context(|| format!("{} cannot be created", path.display()))?;
-    Ok(path.to_path_buf())
-}
-
-fn write(file: &Path, text: &str) -> Result<()> {
-    fs::write(file, text).with_context(|| format!("{} cannot be written", file.display()))
 }
 
 fn copy(from: &Path, to: &Path) -> Result<()> {
