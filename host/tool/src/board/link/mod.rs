@@ -36,12 +36,9 @@ use crate::interrupt::Interrupt;
 pub(crate) use address::{Arguments, Run, no_board};
 pub(crate) use address::{open_port, ports};
 use clock::DeviceClock;
-use transport::Transport;
+use transport::{PATIENCE, Transport};
 pub(crate) use watched::Watched;
 
-/// Longest wait for a board's answer. The board itself waits for a test of the coil; a probe's
-/// server polls every 10 ms.
-const PATIENCE: Duration = Duration::from_secs(5);
 /// Interval of the requests for the identity while a board starts.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Longest time of one receive call.

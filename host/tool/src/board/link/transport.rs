@@ -3,6 +3,10 @@
 use std::io;
 use std::time::{Duration, Instant};
 
+/// Longest wait for a board's answer. The board itself waits for a test of the coil; a probe's
+/// server polls every 10 ms.
+pub(super) const PATIENCE: Duration = Duration::from_secs(5);
+
 /// An open connection to a board. [`reopen`](Self::reopen) opens it again after a failed read or
 /// write.
 pub(crate) trait Transport {
@@ -30,7 +34,7 @@ pub(crate) trait Transport {
     /// Longest time from the first question to the board's identity. A board that was reset enumerates on
     /// USB and tests its coil first.
     fn patience(&self) -> Duration {
-        super::PATIENCE
+        PATIENCE
     }
 
     /// Opens the connection again.
