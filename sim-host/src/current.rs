@@ -51,7 +51,7 @@ pub const PWM_PERIOD_S: f64 = 16e-6;
 /// Effective current, A: root of the sum of the squared mean and the squared rms ripple, with the
 /// sign of the mean. Effects that depend on I² follow it.
 #[must_use]
-pub fn acting_a(mean_a: f64, ripple_a: f64) -> f64 {
+pub fn effective_current_a(mean_a: f64, ripple_a: f64) -> f64 {
     libm::copysign(libm::hypot(mean_a, ripple_a), mean_a)
 }
 
@@ -82,10 +82,10 @@ impl CurrentParameters {
     }
 
     /// Effective current with its ripple, A: the root mean square over a period, with the sign of
-    /// the mean (see [`acting_a`]).
+    /// the mean (see [`effective_current_a`]).
     #[must_use]
     pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
-        acting_a(current_a, self.ripple_a(current_a, coil_ohm))
+        effective_current_a(current_a, self.ripple_a(current_a, coil_ohm))
     }
 
     /// Root mean square of the ripple, A.

@@ -13,7 +13,7 @@ const SETTLES_US: u32 = 5_000;
 const FALLS: f32 = 0.01;
 /// Number of polls that count: a supply that breaks down under load recovers when the bridge
 /// switches off.
-const LOOKS: usize = 3;
+const READINGS: usize = 3;
 /// A supply below this fraction of its voltage without load explains a missing current: the watch
 /// reports a current as missing when the law gives 1.5 times the voltage that it should take.
 const EXPLAINS: f32 = 2.0 / 3.0;
@@ -49,9 +49,9 @@ impl Needs {
 
 /// Decides whether the supply caused a fault.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Blame {
+pub(crate) struct SupplyDiagnosis {
     /// Readings at the last polls, the latest first.
-    readings_v: [f32; LOOKS],
+    readings_v: [f32; READINGS],
     was_latched: bool,
     /// Voltage below which the supply is the cause, and the time left to wait for its reading, us.
     open: Option<(f32, u32)>,
@@ -59,7 +59,7 @@ pub(crate) struct Blame {
     pub(crate) low_v: Option<[f32; 2]>,
 }
 
-impl Blame {
+impl SupplyDiagnosis {
     /// Whether the latched fault has been checked and its cause is known.
     pub(crate) const fn is_settled(&self) -> bool {
         self.was_latched && self.open.is_none()

@@ -281,7 +281,7 @@ impl Drive {
             Orders::Clear => {
                 if self.mode == Mode::Latched {
                     self.mode = Mode::Off;
-                    self.tested &= !self.fault.asks_for_a_test();
+                    self.tested &= !self.fault.requires_self_test();
                 }
             }
             Orders::Latch(fault) => self.latch(*fault),

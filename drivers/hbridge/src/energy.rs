@@ -16,18 +16,18 @@ const STEPS: u8 = 24;
 /// that it gives off; never below zero.
 ///
 /// ```
-/// use coil_hbridge::{Account, Demand, Load};
+/// use coil_hbridge::{Account, EnergyDemand, Load};
 /// let mut account = Account::with(60.0, 3.5);
 /// account.pass(50.0, 0.5); // 55 J less nothing: there was nothing to give off before
 /// // Half an ohm, from 0 to 10 A and back within 1.2 s: 22 J, of which 4 are given off meanwhile.
-/// let mut demand = Demand::new(&account, Load { resistance_ohm: 0.5, lost_v: 0.0 });
+/// let mut demand = EnergyDemand::new(&account, Load { resistance_ohm: 0.5, lost_v: 0.0 });
 /// demand.line(10.0, 0.6);
 /// demand.line(0.0, 0.6);
-/// assert!(!account.bears(&demand));
+/// assert!(!account.allows(&demand));
 /// let wait_s = account.wait_s(&demand).expect("it fits an account that is empty");
 /// assert!((3.0..6.0).contains(&wait_s));
 /// account.pass(0.0, wait_s + 0.001);
-/// assert!(account.bears(&demand));
+/// assert!(account.allows(&demand));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -51,7 +51,7 @@ pub struct Load {
 /// from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Demand {
+pub struct EnergyDemand {
     load: Load,
     continuous_w: f32,
     /// Current whose heat equals the continuous power.
@@ -123,13 +123,13 @@ impl Account {
 
     /// Whether a profile may start now.
     #[must_use]
-    pub fn bears(&self, demand: &Demand) -> bool {
+    pub fn allows(&self, demand: &EnergyDemand) -> bool {
         self.energy_j + demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j
     }
 
     /// Time until a profile may start, s; `None` if it never may.
     #[must_use]
-    pub fn wait_s(&self, demand: &Demand) -> Option<f32> {
+    pub fn wait_s(&self, demand: &EnergyDemand) -> Option<f32> {
         let fits = demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j;
         let wait_s = self.time_until_s(demand.most_j);
         (fits && wait_s.is_finite()).then_some(wait_s)
@@ -147,7 +147,7 @@ impl Account {
     }
 }
 
-impl Demand {
+impl EnergyDemand {
     /// Creates an empty profile.
     #[must_use]
     pub fn new(account: &Account, load: Load) -> Self {
@@ -215,7 +215,7 @@ impl Demand {
         let charge_a_s = over_s * 0.5 * (from_a + to_a);
         let taken_j = self.load.resistance_ohm * square_a2_s + self.load.lost_v * charge_a_s;
         self.gain_j += COUNTED * taken_j - self.continuous_w * over_s;
-        // NaN stays NaN, so no account bears it.
+        // NaN stays NaN, so no account allows it.
         let highest = |one: f32, other: f32| if one >= other { one } else { other };
         self.most_j = highest(self.most_j, self.gain_j);
         self.least_j = self.least_j.min(self.gain_j);
@@ -233,8 +233,8 @@ mod tests {
         lost_v: 0.07,
     };
 
-    fn demand(account: &Account, lines: &[(f32, f32)]) -> Demand {
-        let mut demand = Demand::new(account, LOAD);
+    fn demand(account: &Account, lines: &[(f32, f32)]) -> EnergyDemand {
+        let mut demand = EnergyDemand::new(account, LOAD);
         for &(to_a, over_s) in lines {
             demand.line(to_a, over_s);
         }
@@ -272,16 +272,16 @@ mod tests {
             [(f32::INFINITY, 1.0), (0.0, 1.0)],
         ] {
             let demand = demand(&account, &lines);
-            assert!(!account.bears(&demand), "{lines:?}");
+            assert!(!account.allows(&demand), "{lines:?}");
             assert_eq!(account.wait_s(&demand), None);
         }
         let load = Load {
             resistance_ohm: f32::NAN,
             ..LOAD
         };
-        let mut demand = Demand::new(&account, load);
+        let mut demand = EnergyDemand::new(&account, load);
         demand.line(1.0, 1.0);
-        assert!(!account.bears(&demand));
+        assert!(!account.allows(&demand));
         let mut spoilt = account;
         spoilt.charge(f32::NAN);
         assert_eq!(spoilt, account);
@@ -315,19 +315,19 @@ mod tests {
             account.charge(energy_j);
             let demand = demand(&account, &lines);
             match account.wait_s(&demand) {
-                Some(0.0) => prop_assert!(account.bears(&demand)),
+                Some(0.0) => prop_assert!(account.allows(&demand)),
                 Some(wait_s) => {
                     let after = |s: f32| {
                         let mut later = account;
                         later.pass(0.0, s);
-                        later.bears(&demand)
+                        later.allows(&demand)
                     };
-                    prop_assert!(!account.bears(&demand));
+                    prop_assert!(!account.allows(&demand));
                     prop_assert!(after(wait_s + 1e-3) && !after(wait_s - 1e-3));
                 }
                 None => {
                     account.pass(0.0, 1e3);
-                    prop_assert!(!account.bears(&demand));
+                    prop_assert!(!account.allows(&demand));
                 }
             }
         }

@@ -73,7 +73,7 @@ impl Fault {
     /// Whether coil or measurement are in doubt, so that after this fault has been cleared a
     /// self-test must precede driving.
     #[must_use]
-    pub const fn asks_for_a_test(self) -> bool {
+    pub const fn requires_self_test(self) -> bool {
         !matches!(
             self,
             Self::SupplyLow | Self::SupplyHigh | Self::OnTime | Self::Energy | Self::Unattended

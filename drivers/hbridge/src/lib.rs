@@ -29,7 +29,7 @@ pub use averages::{Averages, BLOCK, Moment};
 pub use correction::Correction;
 pub use current_line::CurrentLine;
 pub use drive::{Drive, DriveState, Order, Report};
-pub use energy::{Account, Demand, Load};
+pub use energy::{Account, EnergyDemand, Load};
 pub use fault::{Fault, Refusal};
 pub use hardware::{CoilParameters, Decay, Hardware};
 pub use limits::Limits;

@@ -1,11 +1,11 @@
 //! Converts requests in ampere to drive orders; runs outside the interrupt.
 
 use crate::averages::BLOCK;
-use crate::blame::{Blame, Needs};
+use crate::blame::{Needs, SupplyDiagnosis};
 use crate::correction::Correction;
 use crate::current_line::CurrentLine;
 use crate::drive::{Drive, DriveState, Fixed, Order, Orders, RawLine, Report};
-use crate::energy::{Account, Demand, Load};
+use crate::energy::{Account, EnergyDemand, Load};
 use crate::fault::{Fault, Refusal};
 use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
@@ -43,7 +43,7 @@ pub struct Supervisor {
     source: SupplyModel,
     latched: bool,
     probe: Probe,
-    blame: Blame,
+    blame: SupplyDiagnosis,
     /// Value and limit of the latched fault, if the drive has them.
     found: Option<[f32; 2]>,
     /// Lowest reading of the supply since the last poll, V, if there were readings.
@@ -104,7 +104,7 @@ impl Supervisor {
             source: SupplyModel::default(),
             latched: false,
             probe: Probe::default(),
-            blame: Blame::default(),
+            blame: SupplyDiagnosis::default(),
             found: None,
             lowest_v: None,
             setpoint: 0,
@@ -175,7 +175,7 @@ impl Supervisor {
     /// Whether the cause of the latched fault is known: at most 6 ms after the bridge switched off.
     /// The supply may be the cause of a missing current, and its reading arrives later.
     #[must_use]
-    pub const fn knows_the_cause(&self) -> bool {
+    pub const fn is_cause_known(&self) -> bool {
         self.blame.is_settled()
     }
 
@@ -260,7 +260,7 @@ impl Supervisor {
         let wakes_s = if is_off { self.hardware.wake_s } else { 0.0 };
         let ahead_s = line.ahead_s(checked_us);
         let (supply_v, _) = self.made_for;
-        let mut demand = Demand::new(
+        let mut demand = EnergyDemand::new(
             &self.account,
             Load {
                 resistance_ohm: self.resistance_ohm.unwrap_or(findings.coil.resistance_ohm),
@@ -272,7 +272,7 @@ impl Supervisor {
             demand.line(line.from_a, ahead_s);
         }
         demand.line(line.to_a, line.over_s);
-        if !self.account.bears(&demand) {
+        if !self.account.allows(&demand) {
             return Err(Refusal::Energy(demand.most_j()));
         }
         let last = self.raw(line.to_a, line.over_s);

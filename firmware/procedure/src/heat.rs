@@ -138,20 +138,20 @@ impl Heat {
     /// within a second. `None` if an hour is not enough.
     pub(crate) fn wait_s(&self, profile: &TrainProfile, limit: Celsius) -> Option<f32> {
         const LONGEST_S: f32 = 3_600.0;
-        let bears = |after_s: f32| {
+        let allows = |after_s: f32| {
             let mut later = self.clone();
             later.now = self
                 .nodes
                 .after(self.now, Watt(0.0), self.ambient(), Second(after_s));
             later.forecast(profile, limit).hottest.is_some()
         };
-        if !bears(LONGEST_S) {
+        if !allows(LONGEST_S) {
             return None;
         }
         let (mut no_s, mut yes_s) = (0.0, LONGEST_S);
         while yes_s - no_s > 1.0 {
             let middle_s = 0.5 * (no_s + yes_s);
-            if bears(middle_s) {
+            if allows(middle_s) {
                 yes_s = middle_s;
             } else {
                 no_s = middle_s;

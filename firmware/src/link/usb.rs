@@ -56,7 +56,7 @@ impl ByteSource for UsbCommands {
         let byte = self.0.dequeue();
         if byte.is_some() {
             // Packets that had no space may be received again.
-            usb::let_through();
+            usb::unmask_packet_interrupt();
         }
         byte
     }
@@ -187,7 +187,7 @@ fn receive(serial: &mut CdcAcmClass<'static, Bus>, commands: &mut Producer<'stat
             let _ = commands.enqueue(byte);
         }
     }
-    usb::hold_back();
+    usb::mask_packet_interrupt();
 }
 
 /// Writes a number in hexadecimal digits, most significant first.

@@ -12,7 +12,7 @@ use crate::Error;
 use crate::item::{Item, KEY, Key, WORK};
 
 /// Number of bytes read at a time to check whether a sector is erased.
-const LOOK: usize = 256;
+const POLL: usize = 256;
 
 /// Minimum number of sectors of a slot: the map always keeps one erased.
 const LEAST_SECTORS: u32 = 2;
@@ -48,7 +48,7 @@ pub(crate) struct Area<S> {
 impl<S: NorFlash> Area<S> {
     /// Bytes of a sector; checks that sector, read block and word size divide each other.
     const SECTOR: u32 = {
-        assert!(LOOK.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(LOOK));
+        assert!(POLL.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(POLL));
         S::ERASE_SIZE as u32
     };
 
@@ -164,9 +164,9 @@ impl<S: NorFlash> Area<S> {
     }
 
     async fn is_erased(&mut self, sector: u32) -> Result<bool, Error<S::Error>> {
-        let mut bytes = [0; LOOK];
-        for look in 0..Self::SECTOR / LOOK as u32 {
-            let from = sector.wrapping_add(look.wrapping_mul(LOOK as u32));
+        let mut bytes = [0; POLL];
+        for look in 0..Self::SECTOR / POLL as u32 {
+            let from = sector.wrapping_add(look.wrapping_mul(POLL as u32));
             let read = self.flash.read(from, &mut bytes).await;
             read.map_err(Error::Flash)?;
             if bytes.iter().any(|byte| *byte != u8::MAX) {

@@ -128,7 +128,7 @@ impl<S: NorFlash> Store<S> {
             return Err(Error::NotKept);
         }
         self.seal(slot, generation, &sum).await?;
-        self.look_anew().await?;
+        self.survey_again().await?;
         let is_kept = self.survey.stored.is_some_and(|set| set.sum == sum);
         is_kept.then_some(true).ok_or(Error::NotKept)
     }
@@ -145,8 +145,12 @@ impl<S: NorFlash> Store<S> {
             let item = Seal::item(sum, copy);
             self.area.append(slot, generation, &item).await?;
         }
-        let abroad = Seal::item(sum, SealCopy::Abroad);
-        match self.area.append(slot.other(), generation, &abroad).await {
+        let seal_of_other_slot = Seal::item(sum, SealCopy::OtherSlot);
+        match self
+            .area
+            .append(slot.other(), generation, &seal_of_other_slot)
+            .await
+        {
             Err(Error::Flash(error)) => Err(Error::Flash(error)),
             // The other slot may be damaged or full; two copies are written.
             _ => Ok(()),

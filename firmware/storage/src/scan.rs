@@ -22,7 +22,7 @@ pub(crate) struct Scan {
     /// Seal after the items.
     seal: Option<Seal>,
     /// Copy of the other slot's seal.
-    abroad: Option<Seal>,
+    seal_of_other_slot: Option<Seal>,
 }
 
 impl Scan {
@@ -46,7 +46,7 @@ impl Scan {
             Some(copy) => {
                 let to = match copy {
                     SealCopy::Own(_) => &mut self.seal,
-                    SealCopy::Abroad => &mut self.abroad,
+                    SealCopy::OtherSlot => &mut self.seal_of_other_slot,
                 };
                 *to = Seal::later(*to, Some(Seal::read(generation, item)));
             }
@@ -58,7 +58,7 @@ impl Scan {
         if generation > self.generation {
             *self = Self {
                 seal: self.seal,
-                abroad: self.abroad,
+                seal_of_other_slot: self.seal_of_other_slot,
                 generation,
                 ..Self::default()
             };
@@ -136,8 +136,8 @@ impl Survey {
     }
 
     fn from(first: &Scan, second: &Scan) -> Self {
-        let first_seal = Seal::later(first.seal, second.abroad);
-        let second_seal = Seal::later(second.seal, first.abroad);
+        let first_seal = Seal::later(first.seal, second.seal_of_other_slot);
+        let second_seal = Seal::later(second.seal, first.seal_of_other_slot);
         let generation = |seal: Option<Seal>| seal.map_or(0, |seal| seal.generation);
         let sealed = generation(first_seal).max(generation(second_seal));
         let begun = first.generation.max(second.generation);

@@ -16,14 +16,14 @@ pub(crate) enum SealCopy {
     /// First and second copy, after the items.
     Own(u8),
     /// Copy in the other slot.
-    Abroad,
+    OtherSlot,
 }
 
 impl SealCopy {
     const fn place(self) -> u8 {
         match self {
             Self::Own(number) => number,
-            Self::Abroad => 2,
+            Self::OtherSlot => 2,
         }
     }
 
@@ -31,7 +31,7 @@ impl SealCopy {
     pub(crate) const fn of(key: Key) -> Option<Self> {
         match (key.number, key.place) {
             (NUMBER, place @ 0..=1) => Some(Self::Own(place)),
-            (NUMBER, 2) => Some(Self::Abroad),
+            (NUMBER, 2) => Some(Self::OtherSlot),
             _ => None,
         }
     }

@@ -165,7 +165,7 @@ impl<S: NorFlash> Store<S> {
         if !is_empty || self.survey.stored.is_none() {
             self.area.clear(target.other()).await?;
         }
-        self.look_anew().await?;
+        self.survey_again().await?;
         match self.survey.contents {
             Contents::Empty => Ok(()),
             _ => Err(Error::NotKept),
@@ -173,7 +173,7 @@ impl<S: NorFlash> Store<S> {
     }
 
     /// Reads the content of the flash again.
-    pub(crate) async fn look_anew(&mut self) -> Result<(), Error<S::Error>> {
+    pub(crate) async fn survey_again(&mut self) -> Result<(), Error<S::Error>> {
         self.survey = Survey::of(&mut self.area).await?;
         self.rewind();
         Ok(())

@@ -16,7 +16,7 @@ pub enum Stop {
         written: Option<u32>,
     },
     /// A value or an order of accesses that is not modelled.
-    NotFollowed {
+    UnmodelledUse {
         /// Description.
         what: &'static str,
         /// Address of the instruction.
@@ -69,7 +69,7 @@ impl fmt::Display for Stop {
                 "the instruction at {pc:#010x} writes {value:#010x} to {address:#010x}, which is \
                  not modelled"
             ),
-            Self::NotFollowed { what, pc } => {
+            Self::UnmodelledUse { what, pc } => {
                 write!(f, "the instruction at {pc:#010x}: {what} is not modelled")
             }
             Self::InReset { address, pc } => write!(

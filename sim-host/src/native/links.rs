@@ -28,7 +28,7 @@ impl Links {
     }
 
     /// Restarts the board's side. Unread bytes stay in the cables.
-    pub(super) fn start_anew(&mut self, boot_id: u32) {
+    pub(super) fn restart(&mut self, boot_id: u32) {
         for link in [&mut self.probe, &mut self.usb] {
             *link = NativeLink::new(Rc::clone(&link.cable.0), boot_id);
         }

@@ -351,7 +351,7 @@ impl<'a> NativeBoard<'a> {
             self.run_storage();
         }
         if core::mem::take(&mut self.hardware.restarts) {
-            self.start_anew();
+            self.restart();
         }
     }
 
@@ -377,10 +377,10 @@ impl<'a> NativeBoard<'a> {
     }
 
     /// Restarts the instrument: it keeps only stored data, and configures the converters again.
-    fn start_anew(&mut self) {
+    fn restart(&mut self) {
         self.hardware.boot_id += 1;
         self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);
-        self.hardware.links.start_anew(self.hardware.boot_id);
+        self.hardware.links.restart(self.hardware.boot_id);
         let flash = self.hardware.wiring.flash().clone();
         self.hardware.storage = StorageTask::new(flash);
         self.hardware.order = None;

@@ -223,7 +223,7 @@ impl Replay {
         if self.run.is_none()
             && is_whole
             && let Some(last) = group.last()
-            && group.iter().any(|frame| begins_anew(&frame.message))
+            && group.iter().any(|frame| starts_learning(&frame.message))
         {
             self.begin(Instant::from_ticks(last.header.time_us));
         }
@@ -244,7 +244,7 @@ impl Replay {
 
 /// Whether the board learns the baseline from the next conversion on, and uses no earlier
 /// conversion.
-fn begins_anew(record: &Record) -> bool {
+fn starts_learning(record: &Record) -> bool {
     match record {
         Record::Sample(sample) => sample.sensor == 0 && sample.contact == Contact::Ended,
         Record::State(change) => {

@@ -3,7 +3,7 @@
 use ldc161x_sim::Time;
 
 use super::history::HistorySegment;
-use crate::current::{Command, acting_a};
+use crate::current::{Command, effective_current_a};
 use crate::magnetorheological::Play;
 use crate::mechanics::chain::{Chain, ChainConditions, ChainState, Decays, Rates};
 use crate::mechanics::energy::Energy;
@@ -120,7 +120,7 @@ impl Plant {
         let limit_a = p.current.limit_a(resistance_ohm);
         let current_a = inputs.command.at(to).clamp(-limit_a, limit_a);
         let effective_a = match inputs.command.ripple_a {
-            Some(ripple_a) => acting_a(current_a, ripple_a),
+            Some(ripple_a) => effective_current_a(current_a, ripple_a),
             None => p.current.effective_a(current_a, resistance_ohm),
         };
         let (i0, i1) = (from.effective_a, effective_a);

@@ -329,7 +329,7 @@ fn reported(loop_: &mut Regulated) -> Option<Fault> {
     // One poll per millisecond.
     for _ in 0..10 {
         loop_.run_for(1e-3);
-        if loop_.supervisor().knows_the_cause() {
+        if loop_.supervisor().is_cause_known() {
             return latched(loop_);
         }
     }

@@ -1,7 +1,7 @@
 //! Energy of a train as counted by the drive, against its forecast, and the native board, which
 //! counts by the same law: it refuses a train that exceeds the energy, with the time to wait.
 
-use coil_hbridge::{Account, Demand, DriveState, Load, Supervisor};
+use coil_hbridge::{Account, DriveState, EnergyDemand, Load, Supervisor};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::electrical::{
@@ -40,7 +40,7 @@ fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32,
         resistance_ohm: findings.coil.resistance_ohm,
         lost_v: findings.coil.lost * drive.circuit.parameters.supply_v as f32,
     };
-    let mut demand = Demand::new(&account, load);
+    let mut demand = EnergyDemand::new(&account, load);
     for &(to_a, over_s) in &train {
         demand.line(to_a, over_s);
     }

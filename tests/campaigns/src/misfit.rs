@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
 
 /// Disturbance of the press that the calibration does not include.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum LeftOut {
+pub(crate) enum OmittedDisturbance {
     Nothing,
     Lag,
     Play,
@@ -52,7 +52,7 @@ pub(crate) enum LeftOut {
     Rise,
 }
 
-impl LeftOut {
+impl OmittedDisturbance {
     /// Disturbances that bend the line of a ramp.
     const BENDING: [Self; 4] = [Self::Lag, Self::Play, Self::Saturation, Self::All];
     /// Disturbances with the shape of the signal itself.
@@ -130,7 +130,7 @@ const LOADS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
 const SIZES: usize = 3;
 
 struct Press {
-    left_out: LeftOut,
+    left_out: OmittedDisturbance,
     allowance: bool,
     /// Stiffness of the load, in units of c_S.
     ratio: f64,
@@ -158,9 +158,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let stack = Stack::builtin("ultrasoft").map_err(LoadError::from)?;
     let last = arguments.seed.saturating_add(arguments.plants - 1);
-    let all = [LeftOut::Nothing].into_iter();
-    let all = all.chain(LeftOut::BENDING).chain(LeftOut::ALIKE);
-    let jobs: Vec<(u64, LeftOut)> = all
+    let all = [OmittedDisturbance::Nothing].into_iter();
+    let all = all
+        .chain(OmittedDisturbance::BENDING)
+        .chain(OmittedDisturbance::ALIKE);
+    let jobs: Vec<(u64, OmittedDisturbance)> = all
         .flat_map(|left_out| (arguments.seed..=last).map(move |seed| (seed, left_out)))
         .collect();
     let progress = Progress::new(jobs.len());
@@ -184,7 +186,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn presses(
     stack: &Stack,
     drawn: &Parameters,
-    left_out: LeftOut,
+    left_out: OmittedDisturbance,
     ratios: &[f64],
     allowance: f32,
 ) -> Result<Vec<Press>, Failure> {
@@ -199,7 +201,7 @@ fn presses(
             let part = (location as f64 + chance.between(0.0, 1.0)) / SIZES as f64;
             let (least, greatest) = left_out.range();
             let mut size = least * (greatest / least).powf(part);
-            if left_out == LeftOut::Rise && chance.between(-1.0, 1.0) < 0.0 {
+            if left_out == OmittedDisturbance::Rise && chance.between(-1.0, 1.0) < 0.0 {
                 size = -size;
             }
             let mut pressed = CalibratedInstrument {
@@ -219,7 +221,7 @@ fn presses(
                 Ok::<(), Failure>(())
             };
             press(&pressed, false)?;
-            if LeftOut::ALIKE.contains(&left_out) {
+            if OmittedDisturbance::ALIKE.contains(&left_out) {
                 pressed.calibration.allow_for_rise(allowance);
                 press(&pressed, true)?;
             }
@@ -240,23 +242,23 @@ fn on_spring(
 
 fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    let of = |left_out: LeftOut, allowance: bool| -> Vec<&Press> {
+    let of = |left_out: OmittedDisturbance, allowance: bool| -> Vec<&Press> {
         let alike = |press: &&Press| (press.left_out, press.allowance) == (left_out, allowance);
         presses.iter().filter(alike).collect()
     };
-    let nothing = of(LeftOut::Nothing, false);
-    let bending: Vec<&Press> = LeftOut::BENDING
+    let nothing = of(OmittedDisturbance::Nothing, false);
+    let bending: Vec<&Press> = OmittedDisturbance::BENDING
         .iter()
         .flat_map(|left_out| of(*left_out, false))
         .collect();
     let mut whole = new_table("size", COLUMNS - 1);
     let mut table = new_table("load", COLUMNS);
     let mut sizes = new_table("size", COLUMNS);
-    let rows = [(LeftOut::Nothing, false)]
+    let rows = [(OmittedDisturbance::Nothing, false)]
         .into_iter()
-        .chain(LeftOut::BENDING.map(|left_out| (left_out, false)))
-        .chain(LeftOut::ALIKE.map(|left_out| (left_out, false)))
-        .chain(LeftOut::ALIKE.map(|left_out| (left_out, true)));
+        .chain(OmittedDisturbance::BENDING.map(|left_out| (left_out, false)))
+        .chain(OmittedDisturbance::ALIKE.map(|left_out| (left_out, false)))
+        .chain(OmittedDisturbance::ALIKE.map(|left_out| (left_out, true)));
     for (left_out, allowance) in rows {
         let all = of(left_out, allowance);
         let name = if allowance {
@@ -374,11 +376,11 @@ mod tests {
     fn without_lag_play_and_creep(seed: u64) -> CalibratedInstrument {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), seed);
-        let bench = LeftOut::All.on_the_bench(&drawn);
+        let bench = OmittedDisturbance::All.on_the_bench(&drawn);
         let (switches, settings) = (Switches::all(), default_settings());
         let calibrated =
             CalibratedInstrument::of_plant(bench.clone(), &stack, switches, &settings).unwrap();
-        let mut plant = LeftOut::All.pressed(&drawn, &bench, 1.0);
+        let mut plant = OmittedDisturbance::All.pressed(&drawn, &bench, 1.0);
         plant.magnetorheological.lag_s = 10e-3;
         CalibratedInstrument {
             plant,
@@ -439,7 +441,7 @@ mod tests {
     fn what_bends_the_line_is_covered_or_refused() {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), 2);
-        for left_out in LeftOut::BENDING {
+        for left_out in OmittedDisturbance::BENDING {
             let presses = presses(&stack, &drawn, left_out, &[1.0], 0.0).unwrap();
             assert_eq!(presses.len(), SIZES);
             let good = |press: &Press| press.refused() || press.covered();

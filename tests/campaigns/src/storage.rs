@@ -8,7 +8,7 @@ mod support;
 use std::process::ExitCode;
 
 use support::bits::area;
-use support::cuts::{Deed, nested};
+use support::cuts::{Operation, nested};
 use support::garbage::survives;
 use support::specimens::{small, typical};
 use support::wear::{alternating, wear};
@@ -30,9 +30,9 @@ pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
     let history = [small(6e3), typical()];
     let less = typical()[1..].to_vec();
     let (few, fewer) = (small(4e3), small(3e3));
-    let cuts = nested(&history, Deed::Save(&few), Deed::Save(&less))
-        + nested(&history, Deed::Save(&less), Deed::Save(&fewer))
-        + nested(&history, Deed::Erase, Deed::Save(&typical()[1..]));
+    let cuts = nested(&history, Operation::Save(&few), Operation::Save(&less))
+        + nested(&history, Operation::Save(&less), Operation::Save(&fewer))
+        + nested(&history, Operation::Erase, Operation::Save(&typical()[1..]));
     let changing = |number| small(1e3 + number as f32 / 64.0);
     let worn = [wear(SAVES, changing), wear(SAVES, alternating(typical))];
     let [of_setting, of_calibration] = worn.map(|(least, most)| {

@@ -140,7 +140,7 @@ impl Grid {
 
     /// Returns whether the scan period has changed repeatedly, so that the converter's registers must be
     /// verified.
-    pub const fn is_suspect(&self) -> bool {
+    pub const fn needs_verify(&self) -> bool {
         self.strange == CHECK_AFTER
     }
 

@@ -344,7 +344,7 @@ impl<H: CoilHardware> CoilManager<H> {
         match state {
             DriveState::Testing | DriveState::Driving => self.off = 0,
             DriveState::Latched(fault) => {
-                if self.supervisor.knows_the_cause() {
+                if self.supervisor.is_cause_known() {
                     let found = self.supervisor.value_and_limit(fault);
                     let limits = &H::CIRCUIT.limits;
                     self.failed(faults::latched(fault, found, limits));

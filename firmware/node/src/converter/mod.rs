@@ -272,7 +272,7 @@ where
                     self.driver.check_canary().await?;
                 }
             }
-            if grid.is_suspect() {
+            if grid.needs_verify() {
                 self.driver.verify().await?;
             } else if grid.is_off() {
                 return Err(OFF_PACE);

@@ -14,7 +14,7 @@ const FRAME_ENDS_US: u32 = 700;
 /// row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct UsbFrames {
-    looked_us: u32,
+    polled_us: u32,
     /// Start of the last frame whose flag was seen.
     began_us: Option<u32>,
 }
@@ -23,7 +23,7 @@ impl UsbFrames {
     /// Creates it without a known frame, as after a bus reset.
     pub const fn new() -> Self {
         Self {
-            looked_us: 0,
+            polled_us: 0,
             began_us: None,
         }
     }
@@ -35,13 +35,13 @@ impl UsbFrames {
         if self.began_us.as_ref().is_some_and(is_over) {
             self.began_us = Some(now_us.wrapping_sub(FRAME_US - 1));
         }
-        self.looked_us = now_us;
+        self.polled_us = now_us;
     }
 
     /// Handles a poll with the flag, which is then cleared. If no frame should have started since the
     /// last poll, all frames start earlier: this one at this time, at the latest.
     pub fn found_start(&mut self, now_us: u32) {
-        let since_look_us = now_us.wrapping_sub(self.looked_us);
+        let since_look_us = now_us.wrapping_sub(self.polled_us);
         let late_us = self
             .began_us
             .map(|began_us| now_us.wrapping_sub(began_us) % FRAME_US)
@@ -50,7 +50,7 @@ impl UsbFrames {
         // Without polls between the flags, a clock that is too fast is never proven wrong.
         let is_doubtful = late_us > FRAME_US / 2;
         self.began_us = Some(now_us.wrapping_sub(late_us - u32::from(is_doubtful)));
-        self.looked_us = now_us;
+        self.polled_us = now_us;
     }
 
     /// Returns whether no bulk packet may be made available: from the end of a frame until the next flag

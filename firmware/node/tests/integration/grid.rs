@@ -182,7 +182,7 @@ fn a_conversion_that_the_watchdog_aborts_is_a_gap_and_no_loss() {
         // 5.2 ms of the watchdog since the last result, settling, and the conversion itself.
         let interval_us = 5_200.0 + 27.0 + bus.period_us;
         assert_eq!(bus.scan_after(interval_us, 3.0), GAP, "{rate_hz} Hz");
-        assert!(!bus.grid.is_suspect());
+        assert!(!bus.grid.needs_verify());
         assert_eq!(bus.scan(), CLEAN);
     }
 }
@@ -210,9 +210,9 @@ fn a_conversion_time_that_changes_is_marked_at_once_and_suspected_at_the_second(
                 is_marked(bus.scan()),
                 "{channels:#b} {rate_hz} {changed_us}"
             );
-            assert!(!bus.grid.is_suspect());
+            assert!(!bus.grid.needs_verify());
             assert!(is_marked(bus.scan()));
-            assert!(bus.grid.is_suspect(), "{channels:#b} {changed_us}");
+            assert!(bus.grid.needs_verify(), "{channels:#b} {changed_us}");
             for _ in 0..6 {
                 assert!(!bus.grid.is_off());
                 assert!(is_marked(bus.scan()));
@@ -229,7 +229,7 @@ fn a_period_beside_the_plan_is_suspected_from_the_start() {
     for _ in 0..3 {
         assert_eq!(bus.scan(), GAP);
     }
-    assert!(bus.grid.is_suspect());
+    assert!(bus.grid.needs_verify());
 }
 
 #[test]
@@ -294,7 +294,7 @@ fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
             let left_us = bus.period_us - after_us;
             assert_eq!(bus.scan_after(left_us, 3.0), GAP, "{rate_hz} {part}");
             assert_eq!(bus.scan(), CLEAN);
-            assert!(!bus.grid.is_suspect());
+            assert!(!bus.grid.needs_verify());
         }
     }
 }

@@ -2,7 +2,7 @@
 //! by the drive's own law and constants ([`Account`]). A profile beyond these is refused before it
 //! starts, with the time to wait.
 
-use coil_hbridge::{Account, CurrentLine, Demand, Load, SELF_TEST_J};
+use coil_hbridge::{Account, CurrentLine, EnergyDemand, Load, SELF_TEST_J};
 use palpate_model::units::Celsius;
 use palpate_wire::code::{Part, RefusalReason};
 use palpate_wire::record::CoilTest;
@@ -26,7 +26,7 @@ const RESERVE: f32 = 1.03;
 const LATE_S: f32 = 0.1;
 
 /// Reason against driving the coil at this time, and time to wait; `None` if waiting does not help.
-pub(super) struct Hindrance {
+pub(super) struct DriveRefusal {
     pub(super) reason: Reason,
     pub(super) wait_s: Option<f32>,
 }
@@ -56,9 +56,9 @@ impl Procedure {
     }
 
     /// Returns whether the coil can take the train.
-    pub(super) fn may_take_train(&self, now: Instant) -> Result<(), Hindrance> {
+    pub(super) fn may_take_train(&self, now: Instant) -> Result<(), DriveRefusal> {
         let never = |code, value, limit| {
-            Err(Hindrance {
+            Err(DriveRefusal {
                 reason: Reason::new(code, value, limit),
                 wait_s: None,
             })
@@ -96,11 +96,11 @@ impl Procedure {
         let cool_s = heat.wait_s(&longest, limit_c);
         let wait_s = match energy {
             Ok(()) => cool_s,
-            Err(Hindrance { wait_s, .. }) => cool_s
+            Err(DriveRefusal { wait_s, .. }) => cool_s
                 .zip(wait_s)
                 .map(|(cool_s, wait_s)| cool_s.max(wait_s)),
         };
-        Err(Hindrance {
+        Err(DriveRefusal {
             reason: Reason::new(
                 RefusalReason::CoilTooHot,
                 Some(heat.copper().0),
@@ -111,7 +111,11 @@ impl Procedure {
     }
 
     /// Returns whether the coil can take a commanded line of current.
-    pub(super) fn may_take_line(&self, line: &CurrentLine, now: Instant) -> Result<(), Hindrance> {
+    pub(super) fn may_take_line(
+        &self,
+        line: &CurrentLine,
+        now: Instant,
+    ) -> Result<(), DriveRefusal> {
         let Some(heat) = &self.heat else {
             return Ok(());
         };
@@ -120,7 +124,7 @@ impl Procedure {
         // NaN counts as hot.
         if copper.0.is_nan() || copper > limit {
             let profile = TrainProfile::new(&self.configuration.settings);
-            return Err(Hindrance {
+            return Err(DriveRefusal {
                 reason: Reason::new(RefusalReason::CoilTooHot, Some(copper.0), Some(limit.0)),
                 wait_s: heat.wait_s(&profile, limit),
             });
@@ -142,7 +146,7 @@ impl Procedure {
         profile: &TrainProfile,
         forecast: Forecast,
         now: Instant,
-    ) -> Result<(), Hindrance> {
+    ) -> Result<(), DriveRefusal> {
         let hottest = forecast.hottest.unwrap_or_else(|| self.hottest());
         self.fits(heat, hottest, now, |demand| {
             for (to, over) in profile.lines() {
@@ -157,8 +161,8 @@ impl Procedure {
         heat: &Heat,
         hottest: Celsius,
         now: Instant,
-        profile: impl FnOnce(&mut Demand),
-    ) -> Result<(), Hindrance> {
+        profile: impl FnOnce(&mut EnergyDemand),
+    ) -> Result<(), DriveRefusal> {
         // Without data to check: the drive itself still enforces the limit.
         let Some(load) = self.load_at(heat, hottest) else {
             return Ok(());
@@ -166,13 +170,13 @@ impl Procedure {
         let Some(account) = self.account(load, now) else {
             return Ok(());
         };
-        let mut demand = Demand::new(&account, load);
+        let mut demand = EnergyDemand::new(&account, load);
         profile(&mut demand);
-        if account.bears(&demand) {
+        if account.allows(&demand) {
             return Ok(());
         }
         let energy_j = account.energy_j() + demand.most_j();
-        Err(Hindrance {
+        Err(DriveRefusal {
             reason: Reason::new(
                 RefusalReason::TooMuchEnergy,
                 Some(energy_j),
@@ -199,7 +203,7 @@ impl Procedure {
         let Budget { tested, driven, .. } = self.budget;
         let (reported, mut account) = self.budget.account?;
         let peak_a = self.configuration.settings.peak_current_a;
-        let mut unseen = Demand::new(&account, load);
+        let mut unseen = EnergyDemand::new(&account, load);
         unseen.starts_at(peak_a);
         unseen.line(peak_a, seconds(reported, driven).0);
         account.charge(unseen.most_j());

@@ -10,7 +10,7 @@ use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Outcome};
 use palpate_wire::record::{Acknowledgement, CoilTest};
 
-use super::state::{CoilCommand, Knowledge, Phase, Waiting};
+use super::state::{CoilCommand, CoilTestState, Phase, Waiting};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::answer::Answer;
@@ -37,13 +37,15 @@ impl Procedure {
             return Some(answer);
         }
         match self.coil {
-            Knowledge::Tested => return Some(self.begin(link, &command, out).into()),
-            Knowledge::None if command == CoilCommand::Test => {
+            CoilTestState::Tested => return Some(self.begin(link, &command, out).into()),
+            CoilTestState::None if command == CoilCommand::Test => {
                 return Some(self.begin(link, &command, out).into());
             }
-            Knowledge::None => self.begin_test(out),
-            Knowledge::Testing(_) if self.waiting.is_some() => return Some(Outcome::Busy.into()),
-            Knowledge::Testing(_) => {}
+            CoilTestState::None => self.begin_test(out),
+            CoilTestState::Testing(_) if self.waiting.is_some() => {
+                return Some(Outcome::Busy.into());
+            }
+            CoilTestState::Testing(_) => {}
         }
         self.waiting = Some(Waiting {
             link,
@@ -79,7 +81,7 @@ impl Procedure {
     pub(super) fn may_drive(&self) -> Result<(), Outcome> {
         self.phase.activity().ensure_free()?;
         // The sensor's self-test ends before the coil's.
-        let is_testing = matches!(self.coil, Knowledge::Testing(_));
+        let is_testing = matches!(self.coil, CoilTestState::Testing(_));
         if matches!(self.phase, Phase::SelfTest { .. }) && !is_testing {
             return Err(Outcome::Busy);
         }
@@ -91,25 +93,25 @@ impl Procedure {
     }
 
     pub(super) fn begin_test(&mut self, out: &mut Out<'_>) {
-        self.coil = Knowledge::Testing(out.now);
+        self.coil = CoilTestState::Testing(out.now);
         out.push(Action::TestCoil);
     }
 
     /// Returns whether the coil may be driven at this time; starts its test if it was not tested.
     pub(super) fn coil_is_tested(&mut self, out: &mut Out<'_>) -> bool {
-        if self.coil == Knowledge::None {
+        if self.coil == CoilTestState::None {
             self.begin_test(out);
         }
-        self.coil == Knowledge::Tested
+        self.coil == CoilTestState::Tested
     }
 
     /// Ends the test: the waiting command starts if it is still allowed.
     pub(super) fn coil_tested(&mut self, found: &CoilTest, out: &mut Out<'_>) {
-        let Knowledge::Testing(begun) = self.coil else {
+        let CoilTestState::Testing(begun) = self.coil else {
             // Result of a stopped test.
             return;
         };
-        self.coil = Knowledge::Tested;
+        self.coil = CoilTestState::Tested;
         if let Phase::Settling(settling) = &mut self.phase {
             // Its time counts from when it could end.
             settling.began = out.now;
@@ -134,8 +136,8 @@ impl Procedure {
     /// Switches the bridge off first. This ends a test of the coil, and the waiting command is answered.
     pub(super) fn safe(&mut self, outcome: Outcome, out: &mut Out<'_>) {
         out.safe();
-        if matches!(self.coil, Knowledge::Testing(_)) {
-            self.coil = Knowledge::None;
+        if matches!(self.coil, CoilTestState::Testing(_)) {
+            self.coil = CoilTestState::None;
         }
         if let Some(Waiting {
             link, header, kind, ..
@@ -151,7 +153,7 @@ impl Procedure {
 
     /// Raises a fault if a test neither ends nor fails.
     pub(super) fn watch_test(&mut self, out: &mut Out<'_>) {
-        let Knowledge::Testing(since) = self.coil else {
+        let CoilTestState::Testing(since) = self.coil else {
             return;
         };
         let takes = between(since, out.now);

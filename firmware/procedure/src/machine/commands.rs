@@ -5,7 +5,7 @@ use palpate_wire::code::{FaultCode, Mode, Outcome, RebootTarget, RefusalReason, 
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Invalid, Message, Record};
 
-use super::state::{CoilCommand, Knowledge, Phase};
+use super::state::{CoilCommand, CoilTestState, Phase};
 use super::{Out, Procedure, Readback};
 use crate::action::Action;
 use crate::answer::Answer;
@@ -179,7 +179,7 @@ impl Procedure {
         self.mode = mode;
         self.abort(out);
         // Requires a new test before driving.
-        self.coil = Knowledge::None;
+        self.coil = CoilTestState::None;
         if changed {
             self.announce(self.state(), out);
         }

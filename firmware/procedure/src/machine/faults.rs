@@ -4,7 +4,7 @@ use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Fault;
 
-use super::state::{Knowledge, Phase};
+use super::state::{CoilTestState, Phase};
 use super::{CHECK, Out, Procedure};
 use crate::configuration::ITEMS;
 use crate::event::Failure;
@@ -20,7 +20,7 @@ impl Procedure {
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
         // The failed part may be the coil.
-        self.coil = Knowledge::None;
+        self.coil = CoilTestState::None;
         if self.phase.activity().measures() {
             let code = failure.code.number();
             self.refuse(

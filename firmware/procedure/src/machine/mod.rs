@@ -26,7 +26,7 @@ use crate::link::Link;
 use crate::list::gathered;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
-use state::{Budget, FlaggedSince, Knowledge, Phase, Storage, Waiting, is_of_readings};
+use state::{Budget, CoilTestState, FlaggedSince, Phase, Storage, Waiting, is_of_readings};
 
 /// Longest time between two steps. Two tasks may deliver their events in another order than they read
 /// the clock, but differ by less than this.
@@ -54,7 +54,7 @@ pub struct Procedure {
     phase: Phase,
     mode: Mode,
     armed: bool,
-    coil: Knowledge,
+    coil: CoilTestState,
     /// Waiting command that needs the coil.
     waiting: Option<Waiting>,
     /// Energy reports of the coil's drive.
@@ -119,7 +119,7 @@ impl Procedure {
             phase: Phase::SelfTest { good: 0 },
             mode: Mode::SensingOnly,
             armed: false,
-            coil: Knowledge::None,
+            coil: CoilTestState::None,
             waiting: None,
             budget: Budget::new(),
             measurement: 0,

@@ -5,8 +5,8 @@ use palpate_model::units::Second;
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason, State};
 
-use super::budget::Hindrance;
-use super::state::{Knowledge, Phase, Settling};
+use super::budget::DriveRefusal;
+use super::state::{CoilTestState, Phase, Settling};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::deformation::{Deformation, Follower};
@@ -307,12 +307,12 @@ impl Procedure {
     /// Ends a measurement or its attempt with a reason. Switches the bridge off first.
     pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out<'_>) {
         let wait_s = None;
-        self.hindered(&Hindrance { reason, wait_s }, out);
+        self.hindered(&DriveRefusal { reason, wait_s }, out);
     }
 
     /// As [`refuse`](Self::refuse), with the time after which the measurement may be requested again.
-    pub(super) fn hindered(&mut self, hindrance: &Hindrance, out: &mut Out<'_>) {
-        let &Hindrance { reason, wait_s } = hindrance;
+    pub(super) fn hindered(&mut self, hindrance: &DriveRefusal, out: &mut Out<'_>) {
+        let &DriveRefusal { reason, wait_s } = hindrance;
         let (number, since) = match &self.phase {
             Phase::Driving(measurement) => (measurement.number, Some(measurement.touched())),
             Phase::Settling(settling) => (0, Some(settling.touched)),
@@ -336,7 +336,7 @@ impl Procedure {
     pub(super) fn deadlines(&mut self, out: &mut Out<'_>) {
         self.watch_for_silence(out);
         self.watch_test(out);
-        let is_testing = matches!(self.coil, Knowledge::Testing(_));
+        let is_testing = matches!(self.coil, CoilTestState::Testing(_));
         let before = self.state();
         match &mut self.phase {
             // A test of the coil has its own deadline.

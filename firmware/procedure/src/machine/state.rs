@@ -161,7 +161,7 @@ pub(super) struct ManualDrive {
 
 /// State of the coil's test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Knowledge {
+pub(super) enum CoilTestState {
     /// Not tested since arming, or the test was stopped.
     None,
     /// Test in progress since this time.

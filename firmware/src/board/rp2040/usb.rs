@@ -53,12 +53,12 @@ pub fn call() {
 /// Keeps packets from triggering the interrupt while received packets wait for space. The start of a
 /// frame still does: without it the end of a frame would be unknown, and everything else would wait as
 /// well.
-pub fn hold_back() {
+pub fn mask_packet_interrupt() {
     interrupts().modify(|_, w| w.buff_status().clear_bit());
 }
 
 /// Lets packets trigger the interrupt again.
-pub fn let_through() {
+pub fn unmask_packet_interrupt() {
     interrupts().modify(|_, w| w.buff_status().set_bit());
 }
 
@@ -215,12 +215,12 @@ impl Bus {
         critical_section::with(|section| {
             let frames = self.frames.borrow(section);
             let mut followed = frames.get();
-            let looked_us = now_us();
+            let polled_us = now_us();
             if registers.intr().read().dev_sof().bit_is_set() {
                 followed.found_start(now_us());
                 let _ = registers.sof_rd().read();
             } else {
-                followed.found_none(looked_us);
+                followed.found_none(polled_us);
             }
             frames.set(followed);
         });
@@ -414,7 +414,7 @@ fn disarm(word: usize) {
 
 /// Withdraws the data buffer of endpoint 0, which the driver makes available again after a full packet.
 /// Returns whether it had received data; these are discarded.
-fn takes_back_with_data() -> bool {
+fn withdraw_buffer() -> bool {
     let was_armed = is_armed(OUT_0);
     disarm(OUT_0);
     if was_armed {
@@ -550,7 +550,7 @@ impl UsbBusTrait for Bus {
         // All data were received.
         if !control.is_in() {
             watch_for_refusal();
-            if takes_back_with_data() {
+            if withdraw_buffer() {
                 // More data than the request announced: no status, so that the host does not take it as
                 // completed.
                 refuse_control();

@@ -2,13 +2,13 @@
 
 use palpate_storage::Contents;
 
-use crate::support::cuts::{Configuration, Deed, cut_short, nested, one_of};
+use crate::support::cuts::{Configuration, Operation, cut_short, nested, one_of};
 use crate::support::flash::Remnant;
 use crate::support::specimens::{small, typical};
 use crate::support::{assert_stored, open, save, saved};
 
 /// A power cut during a deed leaves the old or the new set, and a following deed succeeds.
-fn all_or_nothing(history: &[Configuration], deed: Deed<'_>) {
+fn all_or_nothing(history: &[Configuration], deed: Operation<'_>) {
     let before = saved(history);
     let old = history.last().map_or(&[][..], Vec::as_slice);
     let next = small(1e3);
@@ -25,32 +25,36 @@ fn all_or_nothing(history: &[Configuration], deed: Deed<'_>) {
 
 #[test]
 fn a_save_is_whole_or_did_not_happen() {
-    all_or_nothing(&[typical(), small(6e3)], Deed::Save(&typical()));
-    all_or_nothing(&[small(6e3), typical()], Deed::Save(&small(5e3)));
+    all_or_nothing(&[typical(), small(6e3)], Operation::Save(&typical()));
+    all_or_nothing(&[small(6e3), typical()], Operation::Save(&small(5e3)));
 }
 
 #[test]
 fn the_first_save_is_whole_or_did_not_happen() {
-    all_or_nothing(&[], Deed::Save(&typical()));
+    all_or_nothing(&[], Operation::Save(&typical()));
 }
 
 #[test]
 fn an_erasure_is_whole_or_did_not_happen() {
-    all_or_nothing(&[small(6e3), typical()], Deed::Erase);
-    all_or_nothing(&[small(6e3)], Deed::Erase);
+    all_or_nothing(&[small(6e3), typical()], Operation::Erase);
+    all_or_nothing(&[small(6e3)], Operation::Erase);
 }
 
 #[test]
 fn a_second_cut_in_the_save_after_the_first_leaves_old_or_new() {
     let history = [small(6e3), small(5e3)];
-    nested(&history, Deed::Save(&small(4e3)), Deed::Save(&small(3e3)));
+    nested(
+        &history,
+        Operation::Save(&small(4e3)),
+        Operation::Save(&small(3e3)),
+    );
 }
 
 #[test]
 fn a_second_cut_in_another_deed_leaves_old_or_new() {
     let history = [small(6e3), small(5e3)];
-    nested(&history, Deed::Erase, Deed::Save(&small(3e3)));
-    nested(&history, Deed::Save(&small(4e3)), Deed::Erase);
+    nested(&history, Operation::Erase, Operation::Save(&small(3e3)));
+    nested(&history, Operation::Save(&small(4e3)), Operation::Erase);
 }
 
 /// Repeated saves fail, each in another operation: the stored set survives all of them.
@@ -62,7 +66,7 @@ fn what_is_stored_outlives_any_number_of_saves_that_are_cut_off() {
     for attempt in 0..300u64 {
         let remnant = Remnant::EVERY[attempt as usize % Remnant::EVERY.len()];
         flash.cut_after(attempt % 40, remnant);
-        assert!(Deed::Save(&new).on(&mut flash).is_err());
+        assert!(Operation::Save(&new).on(&mut flash).is_err());
         assert!(flash.power_on());
         one_of(&mut flash, &[&typical()]);
     }

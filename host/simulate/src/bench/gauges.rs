@@ -1,7 +1,7 @@
 //! Readings of the bench's gauges, beside a sample of the instrument.
 
 use palpate_calibration::session::BenchSample;
-use palpate_sim::current::acting_a;
+use palpate_sim::current::effective_current_a;
 use palpate_sim::rig::RigReading;
 use palpate_wire::record::Sample;
 
@@ -35,7 +35,7 @@ pub fn bench_sample(
     Some(BenchSample {
         time_s,
         frequency_hz: conversion.frequency_hz,
-        current_a: acting_a(
+        current_a: effective_current_a(
             sample.current_a.unwrap_or(0.0).into(),
             sample.ripple_a.unwrap_or(0.0).into(),
         ),

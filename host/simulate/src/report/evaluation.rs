@@ -4,7 +4,7 @@
 //! arithmetic.
 
 use palpate_calibration::{Fall, FallSample, TrainFit};
-use palpate_sim::current::acting_a;
+use palpate_sim::current::effective_current_a;
 use palpate_wire::Record;
 use palpate_wire::code::{Contact, State};
 
@@ -97,7 +97,7 @@ fn readings(measured: &Measured) -> Vec<EvaluatedReading> {
                 Some(EvaluatedReading {
                     time_s,
                     deformation_m: deformation_m.into(),
-                    current_a: acting_a(
+                    current_a: effective_current_a(
                         sample.current_a?.into(),
                         sample.ripple_a.unwrap_or(0.0).into(),
                     ),

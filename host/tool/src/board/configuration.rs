@@ -16,7 +16,7 @@ const RECORD_S: f64 = 5.0;
 /// of the board's procedure apart.
 const PART: Duration = Duration::from_secs(5);
 /// Longest time of one receive call.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Numbers of converters and channels that a board may have.
 const SENSORS: u8 = 2;
 const CHANNELS: u8 = 4;
@@ -114,7 +114,7 @@ pub(crate) fn read_part(
                 question.part
             )));
         }
-        link.listen(LOOK)?;
+        link.listen(POLL)?;
     }
 }
 

@@ -1,6 +1,6 @@
 //! Compliance of the actuated layer for a sample, by the calibration in force.
 
-use palpate_sim::current::acting_a;
+use palpate_sim::current::effective_current_a;
 use palpate_wire::Record;
 use palpate_wire::command::Settings;
 #[cfg(test)]
@@ -105,7 +105,7 @@ impl Reading {
         Some(Self {
             time_s,
             deformation_m,
-            current_a: acting_a(sample.current_a?.into(), ripple_a),
+            current_a: effective_current_a(sample.current_a?.into(), ripple_a),
         })
     }
 }

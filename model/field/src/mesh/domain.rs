@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::plan::{MeshLines, MeshPlan, Region};
-use super::triangulate::{KeptSegment, MeshTriangulation, Wish, centroid, triangulate};
+use super::triangulate::{KeptSegment, MeshTriangulation, QualityLimits, centroid, triangulate};
 use super::{Circle, Mesh, MeshError, Triangle, ascending};
 use crate::design::{Design, Rectangle};
 use crate::geometry::arrangement::Piece;
@@ -46,7 +46,7 @@ pub fn build(design: &Design, respected: MeshLines) -> Result<Mesh, MeshError> {
     let inside = triangulate(
         &vertices,
         segments,
-        &Wish {
+        &QualityLimits {
             size: &|_| LARGEST_INSIDE * circle.radius,
             slenderest: &slenderest,
             shortest: SHORTEST * circle.radius,
@@ -267,7 +267,7 @@ fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
     let outside = triangulate(
         &vertices,
         segments,
-        &Wish {
+        &QualityLimits {
             size: &|_| LARGEST_OUTSIDE * circle.radius,
             slenderest: &|_| SLENDEREST,
             shortest: SHORTEST * circle.radius,

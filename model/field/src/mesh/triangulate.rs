@@ -22,7 +22,7 @@ pub(super) struct KeptSegment {
 }
 
 /// Requirements on triangles.
-pub(super) struct Wish<'w> {
+pub(super) struct QualityLimits<'w> {
     /// Largest circumradius at a position.
     pub(super) size: &'w dyn Fn(Point) -> f64,
     /// Largest ratio of circumradius to shortest side at a position.
@@ -48,7 +48,7 @@ pub(super) struct MeshTriangulation {
 pub(super) fn triangulate(
     vertices: &[Point],
     segments: BTreeMap<[u32; 2], KeptSegment>,
-    wish: &Wish<'_>,
+    wish: &QualityLimits<'_>,
 ) -> Result<MeshTriangulation, MeshError> {
     let mut work = Work {
         delaunay: ConstrainedDelaunayTriangulation::new(),
@@ -219,7 +219,7 @@ impl Work {
     }
 
     /// Improves every triangle that is bad at the start; returns the number of changes.
-    fn sweep(&mut self, wish: &Wish<'_>) -> Result<usize, MeshError> {
+    fn sweep(&mut self, wish: &QualityLimits<'_>) -> Result<usize, MeshError> {
         let bad: Vec<[u32; 3]> = self
             .triangles()
             .into_iter()
@@ -246,7 +246,7 @@ impl Work {
         edge.is_some_and(|edge| edge.next().to().fix() == handle(c))
     }
 
-    fn is_bad(&self, triangle: &[u32; 3], wish: &Wish<'_>) -> bool {
+    fn is_bad(&self, triangle: &[u32; 3], wish: &QualityLimits<'_>) -> bool {
         let corners = triangle.map(|vertex| self.at(vertex));
         let centroid = centroid(corners);
         let shortest = sides(corners).into_iter().fold(f64::INFINITY, f64::min);
@@ -256,7 +256,7 @@ impl Work {
         large || slender
     }
 
-    fn improve(&mut self, triangle: [u32; 3], wish: &Wish<'_>) -> Result<bool, MeshError> {
+    fn improve(&mut self, triangle: [u32; 3], wish: &QualityLimits<'_>) -> Result<bool, MeshError> {
         let corners = triangle.map(|vertex| self.at(vertex));
         let (centre, _) = circumcircle(corners);
         if let Some(ends) = self.in_the_way(centroid(corners), centre) {

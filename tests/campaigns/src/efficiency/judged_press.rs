@@ -1,6 +1,6 @@
 //! A press beside its bounds.
 
-use super::rung::Rung;
+use super::rung::InformationLevel;
 
 /// A press with its bounds. Variances are of ln(c_L).
 #[derive(Clone, Copy, Debug)]
@@ -9,8 +9,8 @@ pub(super) struct JudgedPress {
     pub(super) ratio: f64,
     /// ln(estimate/truth).
     pub(super) error_ln: f64,
-    /// Least variances, in the order of [`Rung::ALL`].
-    pub(super) bounds: [f64; Rung::ALL.len()],
+    /// Least variances, in the order of [`InformationLevel::ALL`].
+    pub(super) bounds: [f64; InformationLevel::ALL.len()],
     /// Variance that `palpate plan` predicts.
     pub(super) planned: f64,
 }

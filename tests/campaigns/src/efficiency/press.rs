@@ -5,7 +5,7 @@ use palpate_sim::mechanics::load::Load;
 use palpate_sim::parameters::ParameterError;
 
 use super::bound::{BenchInformation, Differentiated, LOCAL, STEP};
-use super::rung::{Evaluation, Rung};
+use super::rung::{Evaluation, InformationLevel};
 use super::train::{TrainTask, derivative};
 use super::unknowns;
 
@@ -16,12 +16,12 @@ const OF_PRESS: usize = LOCAL + 3;
 
 impl BenchInformation<'_> {
     /// Least variances of ln(c_L) of a press on a load of `load_n_per_m` N/m, frame included, in
-    /// the order of [`Rung::ALL`]; `None` if the readings do not determine it.
+    /// the order of [`InformationLevel::ALL`]; `None` if the readings do not determine it.
     pub(super) fn press(
         &self,
         load_n_per_m: f64,
         depth_m: f64,
-    ) -> Result<Option<[f64; Rung::ALL.len()]>, ParameterError> {
+    ) -> Result<Option<[f64; InformationLevel::ALL.len()]>, ParameterError> {
         let mut plant = self.plant.clone();
         // The load includes the frame.
         plant.press.frame_m_per_n = 0.0;
@@ -41,9 +41,9 @@ impl BenchInformation<'_> {
             derivative(&stiffer(-1.0)?, &stiffer(1.0)?, 2.0 * STEP),
         ));
         let separated = self.separated(&of);
-        let mut variances = [0.0; Rung::ALL.len()];
-        for (variance, rung) in variances.iter_mut().zip(Rung::ALL) {
-            let of = if rung == Rung::WithoutOwnHeat {
+        let mut variances = [0.0; InformationLevel::ALL.len()];
+        for (variance, rung) in variances.iter_mut().zip(InformationLevel::ALL) {
+            let of = if rung == InformationLevel::WithoutOwnHeat {
                 &separated
             } else {
                 &of
@@ -56,7 +56,7 @@ impl BenchInformation<'_> {
         Ok(Some(variances))
     }
 
-    fn variance(&self, of: &Differentiated, rung: Rung) -> Option<f64> {
+    fn variance(&self, of: &Differentiated, rung: InformationLevel) -> Option<f64> {
         let columns = self.shared() + OF_PRESS;
         let mut information = Information::new(columns);
         self.add(&mut information, of, rung.evaluation(), false);
@@ -64,7 +64,7 @@ impl BenchInformation<'_> {
         [WARMER, WARMER + 1]
             .iter()
             .for_each(|place| information.know(self.shared() + place, 1.0));
-        if rung == Rung::SensorKnown {
+        if rung == InformationLevel::SensorKnown {
             // Practically exact.
             (0..self.shared()).for_each(|unknown| information.know(unknown, 1e-12));
         } else {

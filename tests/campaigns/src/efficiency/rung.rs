@@ -3,7 +3,7 @@
 /// Steps from all information of the sensor down to the information that the chain uses: the
 /// readings counted, and the assumed knowledge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rung {
+pub(super) enum InformationLevel {
     /// The sensor is known exactly; all readings of a press count.
     SensorKnown,
     /// All readings of bench and press count.
@@ -17,7 +17,7 @@ pub(super) enum Rung {
     WithoutOwnHeat,
 }
 
-impl Rung {
+impl InformationLevel {
     pub(super) const ALL: [Self; 5] = [
         Self::SensorKnown,
         Self::Everything,

@@ -1,7 +1,7 @@
 //! Coil drive that counts energy as the real one does, on a circuit with warming copper. The heat is
 //! computed in `f64`, step by step, and shares no code with the procedure.
 
-use coil_hbridge::{Account, Demand, Load};
+use coil_hbridge::{Account, EnergyDemand, Load};
 
 use super::CurrentPath;
 
@@ -12,7 +12,7 @@ const COPPER_TO_PAD_K_PER_W: f64 = 0.5;
 const PAD_TO_AMBIENT_K_PER_W: f64 = 8.0;
 const AMBIENT_C: f64 = 25.0;
 /// Poll period of the drive.
-const LOOK_US: u64 = 1_000;
+const POLL_US: u64 = 1_000;
 
 /// Simulated drive.
 #[derive(Clone)]
@@ -61,19 +61,19 @@ impl SimulatedDrive {
             resistance_ohm: self.resistance_ohm() as f32,
             lost_v: self.lost_v as f32,
         };
-        let mut demand = Demand::new(&self.account, load);
+        let mut demand = EnergyDemand::new(&self.account, load);
         demand.starts_at(line.at(self.now_us) as f32);
         let ahead_us = line.since_us.saturating_sub(self.now_us);
         demand.line(line.from_a as f32, ahead_us as f32 * 1e-6);
         demand.line(line.to_a as f32, line.over_us as f32 * 1e-6);
-        !self.is_silent && !self.account.bears(&demand)
+        !self.is_silent && !self.account.allows(&demand)
     }
 
     /// Follows the current to a moment; returns whether its guard has ended the current.
     pub(crate) fn advance(&mut self, to_us: u64, line: &CurrentPath) -> bool {
         let mut is_over = false;
         while self.now_us < to_us {
-            let step_us = LOOK_US.min(to_us - self.now_us);
+            let step_us = POLL_US.min(to_us - self.now_us);
             let current_a = line.at(self.now_us + step_us / 2).abs();
             let step_s = step_us as f64 * 1e-6;
             let power_w = self.resistance_ohm() * current_a * current_a * (1.0 + self.ripple)

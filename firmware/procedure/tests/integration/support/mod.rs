@@ -349,8 +349,10 @@ impl Rig {
         let middle_us = self.now_us.saturating_sub(window_us / 2);
         let current_a = self.line.at(middle_us);
         let ripple_a = (self.ripple_a)(current_a);
-        let acting_a = current_a.hypot(ripple_a).copysign(current_a);
-        let reading = self.sensor.reading(acting_a, middle_us as f64 * 1e-6);
+        let effective_current_a = current_a.hypot(ripple_a).copysign(current_a);
+        let reading = self
+            .sensor
+            .reading(effective_current_a, middle_us as f64 * 1e-6);
         let offset = Duration::from_ticks(0);
         let reported_a = current_a * self.current_gain + self.current_offset_a;
         Scan {

@@ -10,12 +10,12 @@ pub(crate) type Configuration = Vec<Command>;
 
 /// Operation during which the power fails.
 #[derive(Clone, Copy)]
-pub(crate) enum Deed<'a> {
+pub(crate) enum Operation<'a> {
     Save(&'a [Command]),
     Erase,
 }
 
-impl Deed<'_> {
+impl Operation<'_> {
     pub(crate) fn on(self, flash: &mut Flash) -> Result<(), Error<Failure>> {
         let mut store = open(flash)?;
         match self {
@@ -45,7 +45,11 @@ pub(crate) fn one_of<'a>(flash: &mut Flash, candidates: &[&'a [Command]]) -> &'a
 }
 
 /// Passes on every flash content that a power cut in an operation can leave.
-pub(crate) fn cut_short(before: &Flash, deed: Deed<'_>, mut with: impl FnMut(u64, Remnant, Flash)) {
+pub(crate) fn cut_short(
+    before: &Flash,
+    deed: Operation<'_>,
+    mut with: impl FnMut(u64, Remnant, Flash),
+) {
     for remnant in Remnant::EVERY {
         for after in 0.. {
             let mut flash = before.clone();
@@ -63,7 +67,11 @@ pub(crate) fn cut_short(before: &Flash, deed: Deed<'_>, mut with: impl FnMut(u64
 }
 
 /// The power fails in a save, and again in the following operation.
-pub(crate) fn nested(history: &[Configuration], first: Deed<'_>, second: Deed<'_>) -> u32 {
+pub(crate) fn nested(
+    history: &[Configuration],
+    first: Operation<'_>,
+    second: Operation<'_>,
+) -> u32 {
     let before = saved(history);
     let old = history.last().map_or(&[][..], Vec::as_slice);
     let mut cuts = 0;

@@ -41,7 +41,7 @@ pub(super) fn noted(arrivals: Vec<Arrival>, lines: &mut Vec<BenchSample>) -> Vec
 }
 
 /// Longest time of one receive call.
-const LOOK: Duration = Duration::from_millis(2);
+const POLL: Duration = Duration::from_millis(2);
 
 impl Instrument for BareInstrument<'_> {
     type Error = Failure;
@@ -65,7 +65,7 @@ impl Instrument for BareInstrument<'_> {
         lines: &mut Vec<BenchSample>,
     ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
-        self.link.listen(LOOK)?;
+        self.link.listen(POLL)?;
         Ok(noted(self.link.take(), lines))
     }
 

@@ -42,9 +42,9 @@ pub(crate) use watched::Watched;
 /// Interval of the requests for the identity while a board starts.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Longest time of one receive call.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Interval of commands to the board while it drives a current, s; the board's limit is 100 ms.
-pub(crate) const WORD_S: f64 = 0.04;
+pub(crate) const KEEP_ALIVE_S: f64 = 0.04;
 /// Message of a port's server to a second program, before it closes the connection. It ends like a
 /// frame, so that a decoder finds the next one.
 pub(crate) const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
@@ -139,7 +139,7 @@ impl Link {
         let asked = self.ask_who_it_is(interrupt);
         if asked.is_err() {
             // The server's last message may be unread.
-            let _ = self.listen(LOOK);
+            let _ = self.listen(POLL);
         }
         if self.hello.is_some() {
             return Ok(());
@@ -157,7 +157,7 @@ impl Link {
             let again = self.now() + AGAIN;
             while self.now() < again {
                 interrupt.go_on()?;
-                self.listen(LOOK)?;
+                self.listen(POLL)?;
                 if self.hello.is_some() {
                     return Ok(());
                 }
@@ -261,7 +261,7 @@ impl Link {
         let number = self.send(command)?;
         let mut seen = self.received.len();
         while self.now() < left + PATIENCE {
-            self.listen(LOOK)?;
+            self.listen(POLL)?;
             for arrival in self.received.get(seen..).unwrap_or_default() {
                 let header = &arrival.frame.header;
                 if let Record::Acknowledgement(answer) = &arrival.frame.message
@@ -422,7 +422,7 @@ impl Link {
     pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
         let end = self.now() + Duration::from_secs_f64(time_s);
         while self.now() < end {
-            self.listen(end.saturating_sub(self.now()).min(LOOK))?;
+            self.listen(end.saturating_sub(self.now()).min(POLL))?;
         }
         Ok(())
     }
@@ -431,9 +431,9 @@ impl Link {
     pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
         let mut left_s = time_s;
         while left_s > 0.0 {
-            self.pass(left_s.min(WORD_S))?;
+            self.pass(left_s.min(KEEP_ALIVE_S))?;
             self.must(&Command::GetSettings)?;
-            left_s -= WORD_S;
+            left_s -= KEEP_ALIVE_S;
         }
         Ok(())
     }
@@ -471,7 +471,7 @@ impl Link {
                 return Err(Failure::Refused(format!("the board sent no {what}")));
             }
             seen = self.received.len();
-            self.pass(LOOK.as_secs_f64())?;
+            self.pass(POLL.as_secs_f64())?;
         }
     }
 
@@ -514,7 +514,7 @@ impl Link {
                     return self.greet_until(interrupt);
                 }
                 Err(error) if self.now() > end => return Err(self.lost(&error)),
-                Err(_) => std::thread::sleep(LOOK),
+                Err(_) => std::thread::sleep(POLL),
             }
         }
     }

@@ -31,7 +31,7 @@ const START: Duration = Duration::from_secs(2);
 /// Longest wait for space in the command channel.
 const ROOM: Duration = Duration::from_secs(2);
 /// Poll interval of the channels.
-const LOOK: Duration = Duration::from_millis(1);
+const POLL: Duration = Duration::from_millis(1);
 /// Maximum number of bytes read at once.
 const CHUNK: usize = 4 * 1024;
 
@@ -79,7 +79,7 @@ impl Transport for DebugProbe {
                     "the board takes no commands",
                 ));
             }
-            sleep(LOOK);
+            sleep(POLL);
         }
     }
 
@@ -91,7 +91,7 @@ impl Transport for DebugProbe {
             if !records.is_empty() || self.clock.now() >= end {
                 return Ok(records);
             }
-            sleep(LOOK);
+            sleep(POLL);
         }
     }
 

@@ -11,7 +11,7 @@ use super::transport::{Clock, Transport};
 /// Timeout of a connection.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Poll interval of a probe's server, which itself polls every 10 ms.
-const LOOK: Duration = Duration::from_millis(1);
+const POLL: Duration = Duration::from_millis(1);
 /// Maximum number of bytes read at once.
 const CHUNK: usize = 16 * 1024;
 
@@ -101,7 +101,7 @@ impl Transport for Probe {
             if !bytes.is_empty() || self.clock.now() >= end {
                 return Ok(bytes);
             }
-            sleep(LOOK);
+            sleep(POLL);
         }
     }
 

@@ -14,7 +14,7 @@ const CHANNEL: u32 = 0;
 /// Longest wait for an answer, s: 200 edges take 0.7 s, and a probe may be slow.
 const PATIENCE_S: u64 = 30;
 /// Poll interval of an emulated board.
-const LOOK: Time = Time::from_us(20);
+const POLL: Time = Time::from_us(20);
 
 /// Outcome of a request, by the image's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +128,7 @@ fn over_emulation(board: &mut EmulatedBoard<Still>, request: &[u8]) -> Result<Ve
     while board.now() < end {
         let taken = board.write_channel(CHANNEL, left);
         left = left.get(taken..).unwrap_or_default();
-        board.run_for(LOOK).map_err(stopped)?;
+        board.run_for(POLL).map_err(stopped)?;
         answer.extend(board.read_channel(CHANNEL));
         if let [length, rest @ ..] = answer.as_slice()
             && rest.len() == usize::from(*length)

@@ -63,7 +63,7 @@ const CHECKS: i32 = 6;
 /// whole sweeps, is then off by 6 mA at most.
 const ABOUT_A: f64 = 0.06;
 /// Duration of the sweep in one direction, and settling time of the current before it, s.
-const SWEEP_S: f64 = link::WORD_S;
+const SWEEP_S: f64 = link::KEEP_ALIVE_S;
 const SETTLE_S: f64 = 0.01;
 /// Margin at both ends for conversions that lie within the sweep, s: one conversion of 1 ms.
 const EDGE_S: f64 = 1e-3;

@@ -74,7 +74,7 @@ struct CoilReport {
     time_constant_s: f64,
     step: StepResponse,
     ramp: Ramp,
-    as_it_should_be: bool,
+    within_limits: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -95,11 +95,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
         step: StepResponse::of(&stepped, to_a, &test)?,
         ramp: Ramp::of(&fallen, [to_a, RAMP_ENDS * to_a])?,
-        as_it_should_be: false,
+        within_limits: false,
         test,
     };
     let found = CoilReport {
-        as_it_should_be: found.step.is_as_it_should_be() && found.ramp.is_as_it_should_be(),
+        within_limits: found.step.is_as_it_should_be() && found.ramp.is_as_it_should_be(),
         ..found
     };
     let charts = [
@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         print(&found, &files)?;
     }
     drawn?;
-    if found.as_it_should_be {
+    if found.within_limits {
         return Ok(());
     }
     Err(Failure::Refused(
@@ -200,12 +200,12 @@ fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
     let mut records: Vec<Reported> = Vec::new();
     let mut left_s = RECORD_S;
     while left_s > 0.0 {
-        link.drive_on(link::WORD_S)?;
+        link.drive_on(link::KEEP_ALIVE_S)?;
         records.extend(link.take_records());
         if let Some(traced) = Traced::whole(&records) {
             return Ok(traced);
         }
-        left_s -= link::WORD_S;
+        left_s -= link::KEEP_ALIVE_S;
     }
     Err(Failure::Refused(
         "the board did not send the whole record of the current: the probe loses records"

@@ -33,7 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// system grants access to the port a moment later.
 const START: Duration = Duration::from_secs(15);
 /// Poll interval of drives and ports.
-const LOOK: Duration = Duration::from_millis(200);
+const POLL: Duration = Duration::from_millis(200);
 
 /// Write firmware onto a board, over USB or through a debug probe
 ///
@@ -223,7 +223,7 @@ fn await_drive(before: &[PathBuf]) -> Result<PathBuf, Failure> {
             );
             is_said = true;
         }
-        sleep(LOOK);
+        sleep(POLL);
     }
     Err(Failure::Refused(
         "no drive RPI-RP2 has appeared. The board is in its boot loader: mount its drive, and run this again \
@@ -245,7 +245,7 @@ fn await_board(arguments: &link::Arguments) -> Result<Link, Failure> {
     let begin = Instant::now();
     loop {
         match arguments.open() {
-            Err(Failure::Unconnected(_)) if begin.elapsed() < START => sleep(LOOK),
+            Err(Failure::Unconnected(_)) if begin.elapsed() < START => sleep(POLL),
             Err(failure) => {
                 return Err(Failure::Refused(format!(
                     "the firmware is written, and the board was not reached afterwards: {failure}"

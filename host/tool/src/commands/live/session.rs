@@ -18,7 +18,7 @@ use crate::board::link::Link;
 use crate::interrupt::Interrupt;
 
 /// Longest time of one receive call, which is also the delay of the pages' requests.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Silence after which the board is asked for its identity: without samples a board sends its
 /// status every second by default.
 const QUIET: Duration = Duration::from_secs(3);
@@ -87,7 +87,7 @@ impl<'a> LiveSession<'a> {
 
     fn turn(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         if self.is_gone && self.link.is_recording() {
-            sleep(LOOK);
+            sleep(POLL);
             return Ok(());
         }
         if self.is_gone {
@@ -96,7 +96,7 @@ impl<'a> LiveSession<'a> {
             // Drops requests from the time without a board: they could drive its coil.
             while self.view.feed().request().is_some() {}
         }
-        self.link.listen(LOOK)?;
+        self.link.listen(POLL)?;
         self.take()?;
         if self.link.is_recording() {
             self.refuse_requests();

@@ -17,7 +17,7 @@ use crate::recording::date::{self, NS_PER_S};
 use crate::recording::{ABOUT, Contents, END, Logged, Note, Recorded, Recorder};
 
 /// Longest time of one receive call.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Interval of clock comparisons: meanwhile the clocks drift apart by 1 ms at most (`DeviceClock`),
 /// the uncertainty of an exchange over USB.
 const COMPARE: Duration = Duration::from_secs(10);
@@ -97,7 +97,7 @@ impl RecordingSession {
 
     /// Processes the received frames. Returns `false` if the file can no longer be written.
     fn turn(&mut self) -> Result<bool, Failure> {
-        let listened = self.link.listen(LOOK);
+        let listened = self.link.listen(POLL);
         let boot_id = self.link.account().current().map(Tally::boot_id);
         let asked = match boot_id {
             _ if listened.is_err() => listened,

@@ -3,7 +3,7 @@
 use palpate_cli::plot::{Axis, BLUE, Chart, Colour, GREEN, Marks, ORANGE, Series, thinned};
 use palpate_wire::record::{LoadPoint, Sample};
 
-use super::story::{Measurement, Story};
+use super::story::{Measurement, RecordingSummary};
 use crate::train_line::TrainLine;
 
 /// A quantity of a sample over time.
@@ -42,7 +42,7 @@ pub(super) const CURRENT: Quantity = Quantity {
 
 /// Chart of a quantity over the whole recording or one measurement; `None` without values.
 pub(super) fn over_time(
-    story: &Story,
+    story: &RecordingSummary,
     quantity: Quantity,
     measurement: Option<&Measurement>,
 ) -> Option<Chart> {

@@ -11,7 +11,7 @@ use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use serde_json::json;
-use story::Story;
+use story::RecordingSummary;
 
 /// Make a report of a recording
 ///
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let beside = || arguments.file.with_extension("html");
     let html = arguments.html.clone().unwrap_or_else(beside);
     let output = OutputFile::new("--html", &html)?.apart_from(&arguments.file)?;
-    let story = Story::read(&arguments.file)?;
+    let story = RecordingSummary::read(&arguments.file)?;
     output.write(page::page(&story)?)?;
     let mut out = io::stdout().lock();
     if arguments.json {

@@ -9,7 +9,7 @@ use palpate_cli::plot::Chart;
 use palpate_wire::record::Estimate;
 
 use super::charts;
-use super::story::{Measurement, Story};
+use super::story::{Measurement, RecordingSummary};
 use crate::recording::date;
 
 const COLUMNS: [&str; 6] = [
@@ -21,7 +21,7 @@ const COLUMNS: [&str; 6] = [
     "temperature",
 ];
 
-pub(super) fn page(story: &Story) -> Result<String, Failure> {
+pub(super) fn page(story: &RecordingSummary) -> Result<String, Failure> {
     let whole = [charts::FORCE, charts::FREQUENCY];
     let whole = drawn(whole.map(|of| charts::over_time(story, of, None)))?;
     let sections = story.measurements.iter().map(|of| section(story, of));
@@ -41,7 +41,7 @@ pub(super) fn page(story: &Story) -> Result<String, Failure> {
     ))
 }
 
-fn title(story: &Story) -> String {
+fn title(story: &RecordingSummary) -> String {
     let began = story.contents.began_ns().map(date::text);
     format!(
         "Recording {} of {}, from {}, {:.1} s.",
@@ -52,7 +52,7 @@ fn title(story: &Story) -> String {
     )
 }
 
-fn table(story: &Story) -> Markup {
+fn table(story: &RecordingSummary) -> Markup {
     html! {
         table {
             thead { tr { @for column in COLUMNS { th { (column) } } } }
@@ -102,7 +102,7 @@ fn interval(estimate: &Estimate) -> String {
     }
 }
 
-fn section(story: &Story, measurement: &Measurement) -> Result<Markup, Failure> {
+fn section(story: &RecordingSummary, measurement: &Measurement) -> Result<Markup, Failure> {
     let over_time = [charts::DEFORMATION, charts::CURRENT];
     let over_time = over_time.map(|of| charts::over_time(story, of, Some(measurement)));
     let line = measurement.line.as_ref().map(charts::line);

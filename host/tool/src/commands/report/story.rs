@@ -19,7 +19,7 @@ const BEFORE_S: f64 = 3.0;
 const AFTER_S: f64 = 0.5;
 
 /// The shown parts of a recording.
-pub(super) struct Story {
+pub(super) struct RecordingSummary {
     pub(super) file: String,
     /// Name of the board.
     pub(super) board: String,
@@ -60,7 +60,7 @@ struct Reading {
     limited_by: Option<String>,
 }
 
-impl Story {
+impl RecordingSummary {
     /// Reads a file.
     pub(super) fn read(file: &Path) -> Result<Self, Failure> {
         let mut story = Self {

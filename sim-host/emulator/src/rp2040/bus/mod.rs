@@ -176,7 +176,7 @@ impl<P: Plant> SystemBus<P> {
 
     fn fail(&mut self, what: &'static str) {
         let pc = self.pc;
-        self.stop.get_or_insert(Stop::NotFollowed { what, pc });
+        self.stop.get_or_insert(Stop::UnmodelledUse { what, pc });
     }
 
     /// Charges one memory access of the core.
@@ -666,14 +666,14 @@ mod tests {
             assert_eq!(slow.stop, None);
             slow.write8(base::USB_MEMORY + 0x100, 1);
             assert!(
-                matches!(slow.stop, Some(Stop::NotFollowed { .. })),
+                matches!(slow.stop, Some(Stop::UnmodelledUse { .. })),
                 "{register:#x}"
             );
         }
         let mut stopped = bus();
         attach(&mut stopped);
         stopped.write32(base::CLOCKS + 0x54, 0);
-        assert!(matches!(stopped.stop, Some(Stop::NotFollowed { .. })));
+        assert!(matches!(stopped.stop, Some(Stop::UnmodelledUse { .. })));
     }
 
     #[test]
@@ -696,12 +696,15 @@ mod tests {
         };
         assert_eq!(switch(STARTUP_AFTER_RESET, Time::from_us(4_190)), None);
         let early = switch(STARTUP_AFTER_RESET, Time::from_us(4_170));
-        assert!(matches!(early, Some(Stop::NotFollowed { .. })), "{early:?}");
+        assert!(
+            matches!(early, Some(Stop::UnmodelledUse { .. })),
+            "{early:?}"
+        );
         let mut bus = bus();
         bus.write32(base::PLL_USB + 4, 0x2D);
         bus.write32(base::PLL_USB + 4, 0);
         assert!(
-            matches!(bus.stop, Some(Stop::NotFollowed { .. })),
+            matches!(bus.stop, Some(Stop::UnmodelledUse { .. })),
             "not locked again: {:?}",
             bus.stop
         );

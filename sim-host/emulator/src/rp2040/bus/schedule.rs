@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(switched(0xB, Time::ZERO, 66), None);
         for (voltage, settling) in [(0xB, settled), (0xC, Time::from_us(999))] {
             let stop = switched(voltage, settling, 100);
-            assert!(matches!(stop, Some(Stop::NotFollowed { .. })), "{stop:?}");
+            assert!(matches!(stop, Some(Stop::UnmodelledUse { .. })), "{stop:?}");
         }
     }
 }

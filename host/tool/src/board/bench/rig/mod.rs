@@ -33,7 +33,7 @@ use crate::interrupt::Interrupt;
 
 /// Longest time of one receive call, and longest time without a sample before the board counts as
 /// silent.
-const LOOK: Duration = Duration::from_millis(2);
+const POLL: Duration = Duration::from_millis(2);
 const SILENT: Duration = Duration::from_secs(30);
 /// Longest time without a reading of a gauge, s: a slow amplifier has ten a second.
 const GAUGE_SILENT_S: f64 = 2.0;
@@ -132,7 +132,7 @@ impl<'l> RigBench<'l> {
     /// Receives from board and gauges for a short time.
     fn pump(&mut self) -> Result<(), Failure> {
         self.interrupt.go_on()?;
-        self.link.listen(LOOK)?;
+        self.link.listen(POLL)?;
         for arrival in self.link.take() {
             if let Record::Sample(sample) = &arrival.frame.message {
                 self.latest_s = Some(arrival.frame.header.time_us as f64 * 1e-6);

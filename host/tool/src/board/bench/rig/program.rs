@@ -13,7 +13,7 @@ use palpate_cli::failure::Failure;
 
 /// Longest time for a program to end after it has closed its output.
 const END: Duration = Duration::from_secs(1);
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 
 /// One line of a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +129,7 @@ impl Program {
         let outcome = loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => break format!("has ended ({status})"),
-                Ok(None) if Instant::now() < end => thread::sleep(LOOK),
+                Ok(None) if Instant::now() < end => thread::sleep(POLL),
                 Ok(None) => break "has closed its output, and runs on".to_owned(),
                 Err(error) => break format!("has closed its output ({error})"),
             }

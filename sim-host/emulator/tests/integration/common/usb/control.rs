@@ -275,14 +275,14 @@ fn draw(chance: &mut Chance) -> ControlTransfer {
             3 => vendor(chance),
             _ => anything(chance),
         };
-        if !starts_anew(setup) {
+        if !is_restart_request(setup) {
             return with_data(setup, chance);
         }
     }
 }
 
 /// Whether it is one of the two requests that reboot the board, sent to interface 2.
-fn starts_anew([kind, request, _, _, index, index_high, ..]: [u8; 8]) -> bool {
+fn is_restart_request([kind, request, _, _, index, index_high, ..]: [u8; 8]) -> bool {
     kind == 0x21 && RESTARTS.contains(&request) && index == 2 && index_high == 0
 }
 
