@@ -87,7 +87,7 @@ impl Scale {
     }
 
     /// Frequency in hertz: f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet
-    /// Equation 6.
+    /// Equation 6. The driver applies the same with a precomputed unit to each frame (`state.rs`).
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};

@@ -1,10 +1,11 @@
 //! Events of the procedure as words, and checksums of its actions.
 
 use ldc161x::{Channel, Freshness, Reading, Word};
+use palpate_node::board::LIMITS;
 use palpate_procedure::event::Conditions;
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Link, Procedure, Scan,
 };
 use palpate_wire::code::{self, Chip, ResetCause};
 use palpate_wire::record::{CoilTest, Hello};
@@ -59,7 +60,7 @@ pub fn board() -> BoardInfo {
         coil: true,
         storage: false,
         crashes: 0,
-        limits: Limits::REFERENCE,
+        limits: LIMITS,
     }
 }
 

@@ -9,7 +9,10 @@
 //! assert_eq!(FULL_LEVEL, 1_600);
 //! ```
 
-use coil_hbridge::{Decay, Hardware, Limits};
+use coil_hbridge::{Decay, Hardware};
+use ldc161x::Sensor;
+use palpate_procedure::Limits;
+use palpate_procedure::units::{Ampere, Celsius, Hertz};
 
 /// Clock of the processor, in hertz: the highest for which the RP2040 is certified, at a core voltage of
 /// 1.15 V.
@@ -56,20 +59,60 @@ impl Clkin {
     }
 }
 
+/// Resonators for which the board is made: 2 to 5 MHz with a quality factor of 50 at most. The parallel
+/// resistance gives only the initial drive: the converter searches for its own at the start.
+pub const SENSOR: Sensor = Sensor {
+    highest_quality_factor: 50,
+    lowest_rp_ohm: 3_000,
+    highest_rp_ohm: 3_000,
+    ..Sensor::new(2_000_000, 5_000_000)
+};
+/// Planned bus rate: frames take 98 % of 400 kHz. At this rate the image loses no sample in a minute
+/// (docs/evidence/image-rates.md). Closer to 400 kHz, one late frame delays the following ones.
+pub const BUS_HZ: u32 = 393_000;
+
 /// Period of the bridge's PWM, in microseconds; the ADC makes exactly eight conversions in it.
 pub const PERIOD_US: u32 = 16;
 /// Steps of the PWM from middle to end: it counts up and down once a period.
 pub const FULL_LEVEL: u16 = (CORE_MHZ * PERIOD_US / 2) as u16;
 const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 
-/// Hard limits of the coil's drive, with their reasons; the procedure uses the same for its forecast.
-pub const LIMITS: Limits = palpate_procedure::board::DRIVE;
+/// Hard limits of the coil's drive. `current_a` is the maximum current in the coil; the driver's
+/// `Supervisor::new` refuses a `trip_a` that the current amplifier of [`HARDWARE`] cannot measure.
+///
+/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the ADC's range less the tolerance of its
+/// zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would heat copper of
+/// 0.8 J/K by 75 K if it kept all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W is
+/// the continuous rating of the paper's coils, 3 A; at 60 J, 20 s are 3 W, within it. Resistance and
+/// inductance are those of sensible coils, with a margin.
+pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
+    current_a: 12.0,
+    trip_a: 12.7,
+    duty: 0.98,
+    on_time_s: 20.0,
+    energy_j: 60.0,
+    continuous_w: 3.5,
+    supply_v: [4.5, 14.0],
+    resistance_ohm: [0.15, 3.0],
+    inductance_h: [10e-6, 400e-6],
+};
 
-/// Bridge, PWM and current measurement of the board.
+/// Limits that no setting, command or calibration exceeds: those of the [drive](DRIVE), the coil's
+/// maximum temperature, and the protocol's highest rate.
+pub const LIMITS: Limits = Limits {
+    current: Ampere(DRIVE.current_a),
+    energy_j: DRIVE.energy_j,
+    on_time_s: DRIVE.on_time_s,
+    temperature: Celsius(100.0),
+    rate: Hertz(5_000.0),
+};
+
+/// Bridge, PWM and current amplifier of the board. Where the ADC's inputs are read, in their order:
+/// `firmware/src/board/rp2040/control`.
 pub const HARDWARE: Hardware = Hardware {
     period_s: PERIOD_US as f32 * 1e-6,
     full_level: FULL_LEVEL,
-    // 12 bits of 3.3 V behind 0.125 V/A about 1.65 V.
+    // Current amplifier: 0.125 V/A about 1.65 V, read with 12 bits of 3.3 V.
     ampere_per_count: 3.3 / 4096.0 / 0.125,
     zero_count: 2048,
     zero_tolerance: 64,

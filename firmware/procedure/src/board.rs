@@ -42,37 +42,6 @@ pub struct Limits {
     pub rate: Hertz,
 }
 
-/// Hard limits of the reference board's drive; these numbers are defined only here.
-///
-/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the converter's range less the tolerance
-/// of its zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would heat copper
-/// of 0.8 J/K by 75 K if it kept all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W
-/// is the continuous rating of the paper's coils, 3 A; at 60 J, 20 s are 3 W, within it. Resistance and
-/// inductance are those of sensible coils, with a margin.
-pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
-    current_a: 12.0,
-    trip_a: 12.7,
-    duty: 0.98,
-    on_time_s: 20.0,
-    energy_j: 60.0,
-    continuous_w: 3.5,
-    supply_v: [4.5, 14.0],
-    resistance_ohm: [0.15, 3.0],
-    inductance_h: [10e-6, 400e-6],
-};
-
-impl Limits {
-    /// Limits of the reference board and the paper's coils: those of its [drive](DRIVE), and 5 kHz, the
-    /// protocol's limit.
-    pub const REFERENCE: Self = Self {
-        current: Ampere(DRIVE.current_a),
-        energy_j: DRIVE.energy_j,
-        on_time_s: DRIVE.on_time_s,
-        temperature: Celsius(100.0),
-        rate: Hertz(5_000.0),
-    };
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use palpate_wire::code::{Board, Chip, ResetCause};
@@ -103,6 +72,12 @@ pub(crate) mod tests {
         coil: true,
         storage: false,
         crashes: 0,
-        limits: Limits::REFERENCE,
+        limits: Limits {
+            current: Ampere(12.0),
+            energy_j: 60.0,
+            on_time_s: 20.0,
+            temperature: Celsius(100.0),
+            rate: Hertz(5_000.0),
+        },
     };
 }

@@ -4,14 +4,15 @@ use core::task::Poll;
 
 use heapless::spsc::{Consumer, Producer};
 use palpate_node::acquisition::Sampled;
+use palpate_node::board::LIMITS;
 use palpate_node::coil::CoilManager;
 use palpate_node::converter::{CONVERTERS, ConverterState};
 use palpate_node::instrument::{Hardware, Identity, Instrument, Usage};
 use palpate_node::link::BYTES_A_TURN;
 use palpate_node::supervision::Task;
+use palpate_procedure::Link;
 use palpate_procedure::boot::Boot;
 use palpate_procedure::storage::{StorageOrder, StorageReport};
-use palpate_procedure::{Limits, Link};
 use palpate_wire::Record;
 use palpate_wire::code::{Board, Chip, RebootTarget};
 use palpate_wire::record::Hello;
@@ -200,7 +201,7 @@ fn identity(run: &mut Run) -> Identity {
         },
         clocks_run: run.clocks_run,
         storage: true,
-        limits: Limits::REFERENCE,
+        limits: LIMITS,
     }
 }
 

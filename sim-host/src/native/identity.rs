@@ -1,7 +1,7 @@
 //! Identity that the native board reports.
 
+use palpate_node::board::LIMITS;
 use palpate_node::instrument::Identity;
-use palpate_procedure::Limits;
 use palpate_procedure::boot::Boot;
 use palpate_wire::code::{Board, Chip, ResetCause};
 use palpate_wire::record::Hello;
@@ -37,6 +37,6 @@ pub(super) fn identity(boot_id: u32) -> Identity {
         },
         clocks_run: true,
         storage: true,
-        limits: Limits::REFERENCE,
+        limits: LIMITS,
     }
 }

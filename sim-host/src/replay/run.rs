@@ -2,10 +2,11 @@
 
 use ldc161x::{Channel, Reading, Word};
 use palpate_node::acquisition::{Scheme, Setpoint};
+use palpate_node::board::LIMITS;
 use palpate_procedure::event::Conditions;
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Link, Procedure, Scan,
 };
 use palpate_wire::code::{Chip, Mode, Outcome, ResetCause, State};
 use palpate_wire::record::{CoilTest, Hello, Sample, StateChange};
@@ -277,7 +278,7 @@ fn board(boot_id: u32, hello: &Hello) -> BoardInfo {
         channels: [CHANNELS, channels(hello.second_chip)],
         coil: true,
         storage: false,
-        limits: Limits::REFERENCE,
+        limits: LIMITS,
     }
 }
 

@@ -1,8 +1,8 @@
 //! A board under any input, with checks of its promises.
 
 use ldc161x_sim::Time;
+use palpate_node::board::DRIVE;
 use palpate_procedure::Link;
-use palpate_procedure::board::DRIVE;
 use palpate_sim::device::Device;
 use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_wire::code::State;

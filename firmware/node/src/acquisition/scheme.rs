@@ -2,24 +2,13 @@
 
 use ldc161x::{
     Acquisition, Channel, Configuration, DriveCode, ErrorConfig, LimitError, Model, Plan, Rate,
-    ReferenceClock, Request, Sensor, Sequence,
+    ReferenceClock, Request, Sequence,
 };
 
 use super::parts::Parts;
 use super::setpoint::{Scheme, Setpoint};
-use crate::board::Clkin;
+use crate::board::{BUS_HZ, Clkin, SENSOR};
 
-/// Resonators for which the board is made: 2 to 5 MHz with a quality factor of 50 at most. The parallel
-/// resistance gives only the initial drive: the converter searches for its own at the start.
-const SENSOR: Sensor = Sensor {
-    highest_quality_factor: 50,
-    lowest_rp_ohm: 3_000,
-    highest_rp_ohm: 3_000,
-    ..Sensor::new(2_000_000, 5_000_000)
-};
-/// Planned bus rate: frames take 98 % of 400 kHz. At this rate the image loses no sample in a minute
-/// (docs/evidence/image-rates.md). Closer to 400 kHz, one late frame delays the following ones.
-const BUS_HZ: u32 = 393_000;
 /// Events that INTB reports: the end of every frame, and a conversion that the watchdog has aborted. If
 /// a sensor does not oscillate, no conversion of more than 5.2 ms ends, and INTB would be as silent as
 /// with a disconnected converter.

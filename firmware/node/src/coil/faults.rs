@@ -81,7 +81,7 @@ const fn code(fault: Fault) -> FaultCode {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = crate::board::LIMITS;
+    const LIMITS: Limits = crate::board::DRIVE;
 
     /// Repeats the entries of docs/faults.md.
     #[test]

@@ -31,7 +31,7 @@ impl CoilCircuit {
     /// bits for 3.3 V.
     pub const REFERENCE: Self = Self {
         hardware: board::HARDWARE,
-        limits: board::LIMITS,
+        limits: board::DRIVE,
         counts: 4096.0,
         reference_v: 3.3,
         supply_ratio: 11.0,

@@ -56,9 +56,10 @@ pub const CLKIN: usize = 21;
 /// The LED.
 pub const LED: usize = 25;
 /// Analogue inputs: coil current, thermistor, supply, and a third of VSYS, which a Pico connects to ADC
-/// input 3.
+/// input 3. `control` reads them, in the order of its ring.
 pub const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
-/// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
+/// The PWM slice of the bridge: IN1 is its output A, IN2 its output B (datasheet 4.5.2). `control` has
+/// slice 1; slices 3 and 4 count the edges of INTB.
 pub const COIL_SLICE: usize = 0;
 
 /// PADS: input on, Schmitt trigger, 4 mA.

@@ -22,6 +22,7 @@ pub use measurement::{Estimate, LoadPoint, Refusal, UncertaintyBudget};
 pub use sample::{Conversion, Raw, Sample};
 pub use storage::Storage;
 
+// A new record: docs/first-change.md.
 messages! {
     /// A record from the device to the PC.
     pub enum Record {

@@ -10,7 +10,7 @@ pub(crate) mod promises;
 pub(crate) mod sensor;
 
 use palpate_procedure::event::{Conditions, Failure};
-use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::units::{Ampere, Celsius, Hertz};
 use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
 };
@@ -70,7 +70,13 @@ pub(crate) fn board() -> BoardInfo {
         crashes: 0,
         channels: [0b1111, 0],
         coil: true,
-        limits: Limits::REFERENCE,
+        limits: Limits {
+            current: Ampere(12.0),
+            energy_j: 60.0,
+            on_time_s: 20.0,
+            temperature: Celsius(100.0),
+            rate: Hertz(5_000.0),
+        },
     }
 }
 
