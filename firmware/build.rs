@@ -15,8 +15,9 @@ use std::process::Command;
 /// half a microsecond. Constants are in RAM as well: while flash is erased it cannot be read, and
 /// everything except the storage continues to run.
 ///
-/// The start-up code, which has ended by then, and the storage, which waits for each erase, stay in
-/// flash. Functions that they call and that do not have their names are in RAM.
+/// The start-up code, which has ended before any flash is erased, and the storage, which waits for each
+/// erase, stay in flash. The functions that these two call are in RAM unless the linker script below
+/// selects them by name.
 ///
 /// Code that relies on the time between two instructions must also be in RAM, in a function of its own
 /// that is never inlined into one in flash. `CODE_SHIFT` shifts all code by that many bytes; a test of
@@ -78,8 +79,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         commit.unwrap_or_else(|| "0".into())
     );
     println!("cargo:rustc-env=PALPATE_DIRTY={}", u8::from(dirty));
-    // If this named a file that does not exist, the script would run, and the firmware be rebuilt, every
-    // time. git knows where its files are, also in a worktree or in a copy inside the checkout.
+    // Cargo runs this script, and rebuilds the firmware, every time if a file named here does not exist.
+    // So git is asked where its files are: it knows them also in a worktree or in a copy inside the
+    // checkout.
     for file in ["HEAD", "index"] {
         if let Some(path) = git(&["rev-parse", "--git-path", file]) {
             println!("cargo:rerun-if-changed={path}");

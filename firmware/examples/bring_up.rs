@@ -191,9 +191,9 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     Some(ReplyCode::Done)
 }
 
-/// Waits for `count` edges of INTB, and after each makes the transfer that releases it. Answers with the
-/// number of edges, the times of the first and the last, and the bytes of the last transfer. An edge
-/// from before is ignored: the first awaited edge starts the count.
+/// Waits for `count` edges of INTB, and after each makes the transfer that releases INTB. Answers with
+/// the number of edges, the times of the first and the last, and the bytes of the last transfer. An edge
+/// that came before the request is ignored: the first awaited edge starts the count.
 fn edges(count: u8, timeout_ms: u8, segments: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     let (mut first_us, mut last_us) = (0, 0);
     pins::forget_edge();

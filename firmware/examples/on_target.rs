@@ -1,9 +1,10 @@
 //! Arithmetic of the model and of the procedure on the processor, for comparison with a PC:
 //! `system-tests` runs this image on the emulated board and the same code on the PC, and compares bits.
 //!
-//! It is built like the firmware: same profile, same memory map, same arithmetic routines. A single word
-//! in `MAILBOX` is the number of a function, whose checksum it writes to `ANSWER`; several words are an
-//! event of the procedure, and it writes a checksum of the resulting actions.
+//! It is built like the firmware: same profile, same memory map, same arithmetic routines. If `MAILBOX`
+//! holds a single word, that is the number of a function, and the image writes the function's checksum
+//! to `ANSWER`. Several words are an event of the procedure, and the image writes a checksum of the
+//! resulting actions.
 
 #![no_std]
 #![no_main]
@@ -39,7 +40,7 @@ static ANSWER: AtomicU32 = AtomicU32::new(0);
 
 #[entry]
 fn main() -> ! {
-    // A static, since the stack has space only for a step of the procedure.
+    // A static, since the stack has no space for the procedure itself, only for one of its steps.
     static mut PROCEDURE: Option<Procedure> = None;
     static mut ACTIONS: Actions = Actions::new();
     static mut EVENT: [u32; WORDS] = [0; WORDS];
@@ -63,7 +64,7 @@ fn main() -> ! {
     }
 }
 
-/// Has its own stack frame, which is free again afterwards.
+/// Creates the procedure. A function of its own, so that its stack frame is free again afterwards.
 #[inline(never)]
 fn make(slot: &mut Option<Procedure>) {
     *slot = Some(Procedure::new(tape::board()));

@@ -12,17 +12,19 @@ const SHUTDOWN: usize = 8;
 const BRIDGE: [usize; 3] = [16, 17, 18];
 const CLKIN: usize = 21;
 
-/// PADS: input on, Schmitt trigger, 4 mA; combined with a pull.
+/// Pad register PADS: input on, Schmitt trigger, 4 mA; one of the two pulls is added.
 const PAD: u32 = 1 << 6 | 1 << 4 | 1 << 1;
 const PULL_UP: u32 = 1 << 3;
 const PULL_DOWN: u32 = 1 << 2;
-/// Functions of a pin (RP2040 datasheet 2.19.2).
+/// Pin function (RP2040 datasheet 2.19.2): I2C block.
 const I2C: u32 = 3;
+/// Pin function: level set by the processor (SIO).
 const PROCESSOR: u32 = 5;
+/// Pin function: clock output.
 const CLOCK: u32 = 8;
-/// INTR0: falling edge of INTB.
+/// Bit of register INTR0: a falling edge of INTB has occurred.
 const EDGE: u32 = 1 << (4 * INTB + 2);
-/// Half a period of the bus recovery pulses, in microseconds.
+/// Half a period of the SCL pulses that free the bus, in microseconds.
 const HALF_PULSE_US: u32 = 5;
 
 fn sio() -> &'static rp2040_pac::sio::RegisterBlock {

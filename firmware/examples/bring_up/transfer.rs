@@ -5,20 +5,23 @@ use rp2040_pac::{I2C0, RESETS};
 use crate::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
 use crate::waiting::{now_us, wait};
 
-/// Address of the converter with ADDR low.
+/// I2C address of the converter when its ADDR pin is low.
 const ADDRESS: u32 = 0x2A;
-/// Commands of the block.
+/// Bit of a command to the I2C block: read a byte.
 const READ: u32 = 1 << 8;
+/// Bit of a command: send STOP after the byte.
 const STOP: u32 = 1 << 9;
+/// Bit of a command: send a repeated START before the byte.
 const RESTART: u32 = 1 << 10;
-/// Raw interrupts of the block.
+/// Raw interrupt bit of the I2C block: the transaction was aborted.
 const ABORT: u32 = 1 << 6;
+/// Raw interrupt bit: a STOP was sent.
 const STOPPED: u32 = 1 << 9;
-/// Most bytes of a transaction, so that it fits into the queues.
+/// Maximum number of bytes of a transaction: the depth of the block's queues.
 const QUEUE: usize = 16;
-/// Time limit; a transaction of that many bytes takes 0.4 ms.
+/// Time limit of a transaction, in microseconds; one of 16 bytes takes 0.4 ms.
 const DEADLINE_US: u32 = 5_000;
-/// Flag of a segment that reads.
+/// Bit in a segment's first byte: the segment reads; the other bits are the number of bytes.
 const READS: u8 = 0x80;
 
 /// Outcome of a request.

@@ -39,7 +39,7 @@ impl Inputs {
             0 => bits & 0x8000_0000,
             1 => bits & 0x807F_FFFF,
             2 => bits | 0x7F80_0000,
-            // Of a usual magnitude.
+            // Magnitude from 0.5 up to, but not including, 2, with either sign.
             3..=11 => bits & 0x80FF_FFFF | 0x3F00_0000,
             _ => bits,
         })
@@ -56,7 +56,7 @@ impl Inputs {
 pub struct Sum(pub u32);
 
 impl Sum {
-    /// Initial value.
+    /// Initial value of the FNV-1a checksum.
     pub const NEW: Self = Self(0x811C_9DC5);
 
     /// Adds a word.
@@ -64,7 +64,7 @@ impl Sum {
         self.0 = (self.0 ^ word).wrapping_mul(0x0100_0193).rotate_left(5);
     }
 
-    /// Adds a number. The bits of a NaN do not count: they are not specified.
+    /// Adds a number. Every NaN adds the same bits: IEEE 754 does not specify its payload.
     pub fn number(&mut self, number: f32) {
         let canonical = if number.is_nan() { f32::NAN } else { number };
         self.word(canonical.to_bits());
@@ -80,7 +80,8 @@ impl Sum {
 /// A function that is called on inputs and adds its results to a checksum.
 pub type Check = fn(&mut Inputs, &mut Sum) -> Option<()>;
 
-/// Returns the checksum of a function over all its inputs. A refusal counts as well.
+/// Returns the checksum of a function over all its inputs. An input that the function refuses changes
+/// the checksum as well.
 pub fn sum(check: Check) -> u32 {
     let mut inputs = Inputs(0x2545_F491);
     let mut sum = Sum::NEW;
@@ -591,7 +592,7 @@ fn operating_point(from: &mut Inputs) -> OperatingPoint {
     }
 }
 
-/// Scale that the driver plans for one channel at a kilohertz.
+/// Returns the driver's scale from codes to frequencies for one channel at 1 kHz.
 fn scale() -> Option<ldc161x::Scale> {
     use ldc161x::{Acquisition, Channel, Model, Rate, ReferenceClock, Request, Sensor};
     let clock = ReferenceClock::External { hz: 30_000_000 };

@@ -29,13 +29,13 @@ pub const COIL_TESTED: u32 = 4;
 /// Number of words of the longest event, a command with one byte per word.
 pub const WORDS: usize = 300;
 
-/// First answer of the target, before any request.
+/// Content of the answer after start-up, before any request.
 pub const READY: u32 = 0x5EAD_D00D;
 
-/// Boot id of the run.
+/// Boot id of both procedures, on the target and on the PC.
 pub const BOOT: u32 = 7;
 
-/// Returns the board description for both procedures.
+/// Returns the board description for both procedures, on the target and on the PC.
 pub fn board() -> BoardInfo {
     BoardInfo {
         boot_id: BOOT,
@@ -159,7 +159,7 @@ fn scan(words: &mut Words<'_>) -> Option<Scan> {
         lost,
         gap,
         current,
-        // The recorded rig has none.
+        // The simulated bench whose events were recorded has no ripple.
         ripple: None,
         account: None,
     })

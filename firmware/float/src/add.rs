@@ -6,7 +6,7 @@ use crate::{exponent, is_nan, is_normal, normalised, pack, shifted};
 /// Returns the sum of two numbers.
 #[inline(always)]
 pub const fn add(a: u32, b: u32) -> u32 {
-    // Orders them by magnitude, larger first: magnitudes order as their bits do.
+    // Larger magnitude first: without the sign, the bits of two numbers order as their magnitudes do.
     let (large, small) = if a << 1 < b << 1 { (b, a) } else { (a, b) };
     let (of_large, of_small) = (exponent(large), exponent(small));
     if of_large == EXPONENT_MAX || of_small == 0 {
@@ -55,7 +55,8 @@ const fn add_normalised(
         return 0;
     }
     let mut at = at - 1;
-    // The processor has no instruction that counts leading zeros; one step is by far the most frequent.
+    // A loop instead of an instruction that counts leading zeros, which the processor lacks: usually one
+    // step of the second loop is enough.
     while difference < 1 << 23 {
         difference <<= 8;
         at -= 8;
@@ -67,7 +68,7 @@ const fn add_normalised(
     pack(sign, at, difference)
 }
 
-/// Handles operands that are not finite, zero or subnormal.
+/// Handles infinite, NaN, zero and subnormal operands.
 #[cold]
 #[inline(never)]
 const fn add_special(large: u32, small: u32) -> u32 {

@@ -20,14 +20,15 @@ pub const fn divide(a: u32, b: u32) -> u32 {
 #[inline(always)]
 const fn divide_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u32)) -> u32 {
     let mut at = at_a - at_b + BIAS - 1;
-    // Makes the quotient at least 1 and less than 2.
+    // Doubles the dividend if needed, so that the quotient is at least 1 and less than 2.
     let mut rest = a;
     if a < b {
         rest <<= 1;
         at -= 1;
     }
     // Two digits of 13 bits give 2^26 times the quotient, two bits more than the significand. Each digit
-    // is estimated from the reciprocal, too small by four at most, and corrected by its remainder.
+    // is first estimated from the reciprocal, which makes it too small by four at most, and then
+    // corrected by its remainder.
     let reciprocal = reciprocal(b);
     let (first, rest) = digit(rest, b, reciprocal);
     let (second, rest) = digit(rest, b, reciprocal);
@@ -37,20 +38,21 @@ const fn divide_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u3
 
 /// Number of bits of a quotient digit.
 const DIGIT: u32 = 13;
-/// By how much the last step of [`reciprocal`] may be too large: 3.6 (`tests/integration/bits.rs` tries all).
+/// Subtracted from the last step of [`reciprocal`], which may be too large by up to 3.6
+/// (`tests/integration/bits.rs` tries all divisors).
 const ABOVE: u32 = 4;
 
 /// Returns 2^39 / b, between 2^15 and 2^16 and never too large, for `b` from 2^23 to below 2^24.
 #[inline(always)]
 const fn reciprocal(b: u32) -> u32 {
-    // d is from 1/2 to 1. The best straight line, 48/17 - 32/17 d, is within 1/17 of its reciprocal;
-    // each Newton step squares the relative error: 1/289, 1.2e-5.
+    // d, in units of 2^-16, is from 1/2 to 1. The best straight line, 48/17 - 32/17 d, approximates 1/d
+    // with a relative error of at most 1/17; each Newton step squares the relative error: 1/289, 1.2e-5.
     let d = b >> 8;
-    // In units of 2^-14.
+    // 1/d by the straight line, in units of 2^-14.
     let r = 46_260 - ((30_841 * d) >> 16);
-    // 2 - d r in units of 2^-14, and the product.
+    // First Newton step, r (2 - d r), in units of 2^-14.
     let r = (r * (32_768 - ((r * d) >> 16))) >> 14;
-    // The second Newton step, in units of 2^-15.
+    // Second Newton step; the result is in units of 2^-15.
     let r = (r * (65_536 - ((r * d) >> 15))) >> 14;
     r - ABOVE
 }
@@ -60,7 +62,7 @@ const fn reciprocal(b: u32) -> u32 {
 #[inline(always)]
 const fn digit(rest: u32, b: u32, reciprocal: u32) -> (u32, u32) {
     let mut digit = ((rest >> 9) * reciprocal) >> (30 - DIGIT);
-    // The remainder is small, although the operands of its difference overflow.
+    // The remainder fits into 32 bits although both sides of the subtraction overflow.
     let mut left = (rest << DIGIT).wrapping_sub(digit.wrapping_mul(b));
     while left >= b {
         left -= b;
@@ -69,7 +71,7 @@ const fn digit(rest: u32, b: u32, reciprocal: u32) -> (u32, u32) {
     (digit, left)
 }
 
-/// Handles operands that are not finite, zero or subnormal.
+/// Handles infinite, NaN, zero and subnormal operands.
 #[cold]
 #[inline(never)]
 const fn divide_special(a: u32, b: u32) -> u32 {

@@ -36,7 +36,7 @@ pub const NAN: u32 = 0x7FC0_0000;
 
 const SIGN: u32 = 0x8000_0000;
 const INFINITY: u32 = 0x7F80_0000;
-/// Position of the exponent's lowest bit.
+/// Position of the exponent field's lowest bit in a number.
 const EXPONENT_AT: u32 = 23;
 /// Leading bit of a normal number, which is not stored.
 const LEADING: u32 = 1 << EXPONENT_AT;
@@ -62,8 +62,8 @@ const fn is_nan(bits: u32) -> bool {
     bits & !SIGN > INFINITY
 }
 
-/// Returns the exponent field and a significand from 2^23 to below 2^24. The field is below one for
-/// subnormal numbers. Not for zero.
+/// Returns the exponent field and a significand from 2^23 to below 2^24 of a number other than zero. For
+/// a subnormal number the returned field is below one.
 const fn normalised(bits: u32) -> (i32, u32) {
     let field = exponent(bits);
     let fraction = bits & FRACTION;
@@ -74,18 +74,20 @@ const fn normalised(bits: u32) -> (i32, u32) {
     (1 - shift, fraction << (shift & 31))
 }
 
-/// Rounds and packs a significand of at least 2^31. Its last eight bits are beyond the precision; the
-/// very last is a sticky bit. `exponent` is the field minus one.
+/// Rounds a significand of at least 2^31 to 24 bits and packs it with sign and exponent. The last eight
+/// bits of `significand` are beyond the precision; the very last is a sticky bit. `exponent` is the
+/// exponent field minus one.
 #[inline(always)]
 const fn pack(sign: u32, exponent: i32, significand: u32) -> u32 {
     if exponent as u32 >= EXPONENT_MAX - 1 {
         return pack_extreme(sign, exponent, significand);
     }
-    // The leading bit adds one to the exponent, and so does a carry out of the fraction.
+    // The significand's leading bit adds one to the exponent field, and so does a carry out of the
+    // fraction.
     sign | (((exponent as u32) << EXPONENT_AT) + rounded(significand))
 }
 
-/// Rounds to nearest, ties to even.
+/// Removes the last eight bits; rounds to nearest, ties to even.
 #[inline(always)]
 const fn rounded(significand: u32) -> u32 {
     let kept = significand >> 8;
@@ -106,7 +108,8 @@ const fn pack_extreme(sign: u32, exponent: i32, significand: u32) -> u32 {
     sign | rounded(shifted(significand, shift as u32))
 }
 
-/// Shifts right by less than 32; the last bit is a sticky bit.
+/// Shifts right by less than 32; the last bit of the result is also set if a bit that is shifted out was
+/// set.
 #[inline(always)]
 const fn shifted(significand: u32, by: u32) -> u32 {
     let by = by & 31;

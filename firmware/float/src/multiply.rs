@@ -19,12 +19,13 @@ pub const fn multiply(a: u32, b: u32) -> u32 {
 
 #[inline(always)]
 const fn multiply_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u32)) -> u32 {
-    // Uses halves of 16 bits. Of the 48 bits of the product, the lowest 16 matter only as a sticky bit.
+    // Multiplies halves of 16 bits, since the processor returns only 32 bits of a product. Of the 48
+    // bits of the whole product, the lowest 16 matter only as a sticky bit.
     let (low_a, high_a) = (a & 0xFFFF, a >> 16);
     let (low_b, high_b) = (b & 0xFFFF, b >> 16);
     let low = low_a * low_b;
     let upper = ((high_a * high_b) << 16) + low_a * high_b + high_a * low_b + (low >> 16);
-    // From 2^30 to below 2^32.
+    // Upper 32 bits of the product, from 2^30 to below 2^32.
     let mut product = upper | (low << 16 != 0) as u32;
     let mut at = at_a + at_b - BIAS;
     if (product as i32) >= 0 {
@@ -34,7 +35,7 @@ const fn multiply_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, 
     pack(sign, at, product)
 }
 
-/// Handles operands that are not finite, zero or subnormal.
+/// Handles infinite, NaN, zero and subnormal operands.
 #[cold]
 #[inline(never)]
 const fn multiply_special(a: u32, b: u32) -> u32 {

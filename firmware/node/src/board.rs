@@ -73,7 +73,8 @@ pub const BUS_HZ: u32 = 393_000;
 
 /// Period of the bridge's PWM, in microseconds; the ADC makes exactly eight conversions in it.
 pub const PERIOD_US: u32 = 16;
-/// Steps of the PWM from middle to end: it counts up and down once a period.
+/// Number of PWM steps in half a period, and so the level of a full duty cycle: the PWM counts up and
+/// down once per period.
 pub const FULL_LEVEL: u16 = (CORE_MHZ * PERIOD_US / 2) as u16;
 const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 

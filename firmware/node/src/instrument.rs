@@ -22,18 +22,18 @@ use crate::converter::{CONVERTERS, ConverterState};
 
 /// Period at which the procedure receives temperature, supply and load, us.
 const CONDITIONS_US: u64 = 100_000;
-/// Channels of an LDC1614, as a mask.
+/// Mask of the channels of an LDC1614: bit n for channel n.
 const CHANNELS: u8 = 0b1111;
 /// Number of failure sources: each converter and the coil.
 const SOURCES: usize = CONVERTERS + 1;
 const COIL: usize = CONVERTERS;
 /// Maximum number of faults that are reported at a time.
 const MOST_REPORTED: usize = 12;
-/// Time from the restart command to the restart, us: even a PC that polls ten times a second, the
-/// slowest sensible rate, has received the answer.
+/// Time from the restart command to the restart, us: long enough for the answer to reach a PC that polls
+/// only ten times a second, the slowest sensible rate.
 const RESTART_AFTER_US: u64 = 200_000;
 
-/// Field number of the rate in the settings.
+/// Number of the field `rate_hz` in the settings.
 const RATE_FIELD: u8 = field_number(&<Settings as Described>::TYPE, "rate_hz");
 
 /// A received command frame, or the error of an undecodable one.
@@ -115,14 +115,15 @@ pub struct Instrument {
     standing: [Option<FaultCode>; SOURCES],
     /// Faults reported by the procedure that have not ended, with their locations.
     reported: Vec<(FaultCode, Location), MOST_REPORTED>,
-    /// `false` until a clock failure has been reported.
+    /// All clocks run as configured, or a failed one has been reported.
     clocks_run: bool,
     /// Order that waits for the bridge to be proven off.
     order: Option<StorageOrder>,
     /// Target and time of a requested restart; its last answer has been sent by then.
     restart: Option<(RebootTarget, u64)>,
     conditions_due_us: u64,
-    /// Time of the last conditions, and the time slept up to then.
+    /// Time at which the procedure last received conditions, us, and the time that the processor had
+    /// slept up to then, us.
     last_conditions: (u64, u32),
 }
 
@@ -209,7 +210,8 @@ impl Instrument {
         if !is_current {
             return;
         }
-        // Filled in place: copies of it, and of absent coil results, took 700 cycles per sample.
+        // The scan is filled in place: copies of it, and of absent coil results, took 700 cycles per
+        // sample.
         let mut scan = scan(converter, sampled);
         hardware.with_coil(|coil| add_current(&mut scan, sampled, coil));
         // A sample ends every failure of this converter and of the bus.
@@ -297,7 +299,8 @@ impl Instrument {
 
     /// Passes on a test result or a part of a trace.
     fn follow_coil<H: Hardware>(&mut self, hardware: &mut H) {
-        // Checked first: both are large, and nearly always there is neither.
+        // Checked before either is taken: test result and trace are large, and nearly always there is
+        // neither.
         if hardware.with_coil(|coil| coil.has_found()) != Some(true) {
             return;
         }
@@ -312,7 +315,8 @@ impl Instrument {
         }
     }
 
-    /// Reports failures when they start. A converter's next sample shows that its own have ended.
+    /// Reports failures of converters and coil when they start. The end of a converter's failures shows
+    /// in its next sample.
     fn follow_failures<H: Hardware>(&mut self, hardware: &mut H) {
         let [first, second] = hardware.with_converters(|converters| {
             let [first, second] = converters;
@@ -411,7 +415,7 @@ impl Instrument {
                     if let Record::Fault(fault) = record {
                         if !fault.active {
                             hardware.with_coil(|coil| coil.clear(fault.code));
-                            // If its cause persists, it is reported as a new failure.
+                            // A coil failure whose cause persists is reported as a new one.
                             if let Some(of_coil) = self.standing.get_mut(COIL) {
                                 of_coil.take_if(|code| *code == fault.code);
                             }
@@ -478,8 +482,8 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     }
 }
 
-/// Returns whether an order starts to write or erase flash. The orders that follow find the bridge still
-/// off.
+/// Returns whether an order starts to write or erase flash, for which the bridge must be off. The orders
+/// that follow it find the bridge still off.
 const fn changes_flash(order: &StorageOrder) -> bool {
     matches!(order, StorageOrder::Begin | StorageOrder::Erase)
 }

@@ -28,7 +28,7 @@ impl Default for CheckIns {
 }
 
 impl CheckIns {
-    /// Creates it without any check-in.
+    /// Creates the state before any check-in.
     #[must_use]
     pub const fn new() -> Self {
         Self([const { AtomicBool::new(false) }; TASKS])

@@ -11,30 +11,31 @@ use ldc161x::Frame;
 use super::parts::{MOST_PARTS, Parts};
 use super::setpoint::Scheme;
 
-/// Fractional bits of a microsecond in the learnt period.
+/// Number of fractional bits of the learnt period: its unit is 2^-16 us.
 const FRACTION: u32 = 16;
 const MICROSECOND: i64 = 1 << FRACTION;
-/// Allowed difference between an edge interval and the period, in fractions of a microsecond. A stamp is
-/// truncated to whole microseconds, and its interrupt may wait for a bus interrupt; two seconds at 1 kHz
-/// have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A conversion that
-/// is longer by less than this shifts a time stamp by less than two microseconds.
+/// Allowed difference between an edge interval and the period, in units of 2^-16 us. A stamp is
+/// truncated to whole microseconds, and the interrupt that takes it may wait for a bus interrupt; two
+/// seconds at 1 kHz have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A
+/// conversion that is longer by less than this shifts a time stamp by less than two microseconds.
 const TOLERANCE: i64 = 2 * MICROSECOND;
-/// Uncertainty of the planned period, per channel: the converter's time between two conversions, 0 to
-/// 0.9 us (datasheet equation 8 against none).
+/// Uncertainty of the planned period per channel, in units of 2^-16 us: the converter takes 0 to 0.9 us
+/// between two conversions, the latter by datasheet equation 8.
 const UNPLANNED: i64 = MICROSECOND;
 /// Number of intervals over which the period is learnt. Interval n has the weight 1/n, rounded up to a
-/// power of two; later intervals have the weight of the last of these. One crystal drives timer and
-/// converter, so the period is constant and only its value is unknown.
+/// power of two, and every interval after this number has the weight of interval 64. One crystal drives
+/// timer and converter, so the period is constant and only its value is unknown.
 const LEARNT_OVER: u32 = 64;
-/// Number of intervals after which the period is known, and the remaining uncertainty in fractions of a
-/// microsecond: the sum of that many intervals is known within one.
+/// Number of intervals after which the period counts as known.
 const KNOWN: u32 = 8;
+/// Uncertainty of the period once it is known, in units of 2^-16 us: the sum of [`KNOWN`] intervals is
+/// known within a microsecond.
 const LEFT: i64 = MICROSECOND / KNOWN as i64;
-/// Number of equal intervals off the grid after which the converter's registers are verified: a
-/// conversion that the chip's watchdog aborts causes only one.
+/// Number of equal intervals off the grid, in a row, after which the converter's registers are verified:
+/// a conversion that the chip's watchdog aborts causes only one.
 const CHECK_AFTER: u8 = 2;
-/// Number of equal intervals off the grid after which the converter counts as failed although its
-/// registers are intact: its clock is wrong.
+/// Number of equal intervals off the grid, in a row, after which the converter counts as failed although
+/// its registers are intact: its clock is wrong.
 const GIVE_UP_AFTER: u8 = 8;
 
 /// Times of reading a frame.
@@ -53,9 +54,9 @@ pub struct Fetch {
 pub enum Finding {
     /// All words belong to one scan.
     Scan {
-        /// Number of scans missing before it.
+        /// Number of missing scans between the previous scan and this one.
         missed: u32,
-        /// The time before it is unknown or differs from the plan.
+        /// The time between the previous scan and this one is unknown or differs from the plan.
         gap: bool,
     },
     /// The frame was read too late or not at all, and may mix two scans.
@@ -72,13 +73,13 @@ pub struct Sampled {
     pub frame: Frame,
     /// Middle of the first conversion.
     pub time_us: u64,
-    /// Time from there to the middle of each conversion.
+    /// Time from the middle of the first conversion to the middle of each.
     pub offsets_us: [u16; 4],
     /// Duration of a conversion.
     pub window_us: u16,
     /// Number of scans lost since the previous one.
     pub missed: u32,
-    /// The time before this scan is unknown.
+    /// The time between the previous scan and this one is unknown.
     pub gap: bool,
     /// Generation of the setpoint of its conversion; see
     /// [`ConverterState::is_current`](crate::converter::ConverterState::is_current).
@@ -88,7 +89,7 @@ pub struct Sampled {
 /// Grid of the scans, learnt from the edges.
 #[derive(Debug)]
 pub struct Grid {
-    /// Scan period in fractions of a microsecond.
+    /// Scan period, in units of 2^-16 us.
     period: i64,
     /// Number of intervals from which the period was learnt.
     learnt: u32,
@@ -98,22 +99,22 @@ pub struct Grid {
     /// Latest end of each part of a frame after its edge, for the frame to belong to one scan.
     latest_end_us: [u32; MOST_PARTS],
     has_room: bool,
-    /// Time and count of the last edge.
+    /// Time of the last edge, and the hardware's count of edges at it.
     last_edge: Option<(u64, u16)>,
     /// Edge of the last scan that was passed on.
     last_us: Option<u64>,
     /// The last frame was read in time: INTB was released before the next scan ended.
     in_time: bool,
-    /// The time before the next scan is unknown.
+    /// The time between the last scan and the next one is unknown.
     gap: bool,
-    /// The last interval off the grid, and how often it came in a row.
+    /// Length of the last interval off the grid; the next field counts how often it came in a row.
     strange_us: u64,
     strange: u8,
 }
 
 impl Grid {
-    /// Creates the grid of a plan, knowing only the planned period. `with_status`: STATUS is read first
-    /// in each frame. `generation`: generation of the setpoint.
+    /// Creates the grid of a plan, with the planned period and none learnt yet. `with_status`: STATUS is
+    /// read first in each frame. `generation`: generation of the setpoint.
     pub fn new(scheme: &Scheme, with_status: bool, generation: u32) -> Self {
         let parts = Parts::new(scheme, with_status);
         Self {
@@ -216,8 +217,7 @@ impl Grid {
         }
     }
 
-    /// Returns whether whole periods have passed since the last scan that was passed on: no scan ended
-    /// between.
+    /// Returns whether a whole number of periods has passed since the last scan that was passed on.
     fn is_after_whole_periods(&self, edge_us: u64) -> bool {
         let Some(last_us) = self.last_us else {
             return false;
@@ -227,13 +227,14 @@ impl Grid {
         periods > 0 && self.is_within(self.beyond(interval_us, periods), periods)
     }
 
-    /// Returns the length of an interval beyond some periods, in fractions of a microsecond.
+    /// Returns by how much an interval is longer than a number of periods, in units of 2^-16 us.
     const fn beyond(&self, interval_us: u64, periods: i64) -> i64 {
-        // Less than the age of the universe: no bit is lost.
+        // No bit is lost in an interval below 2^47 us, four years.
         ((interval_us << FRACTION) as i64).saturating_sub(self.period.saturating_mul(periods))
     }
 
-    /// Returns whether the difference is within the uncertainty of the period.
+    /// Returns whether `beyond`, the difference of an interval from `periods` periods, is within the
+    /// uncertainty of their sum.
     const fn is_within(&self, beyond: i64, periods: i64) -> bool {
         let unknown = if self.learnt < KNOWN {
             self.unplanned
@@ -271,7 +272,7 @@ impl Grid {
         false
     }
 
-    /// Returns an interval in periods, rounded to the nearest.
+    /// Returns the number of periods in an interval, rounded to the nearest.
     fn periods(&self, interval_us: u64) -> u32 {
         let period = self.period.max(1);
         let interval = (interval_us << FRACTION) as i64;

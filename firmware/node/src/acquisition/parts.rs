@@ -11,28 +11,30 @@ use super::setpoint::Scheme;
 /// Maximum number of parts of a frame: one per channel.
 pub const MOST_PARTS: usize = 4;
 
-/// Bits of a register read within a frame (datasheet figure 12), and the bits after which its value is
-/// certainly latched: the first data bit follows.
+/// Number of clock bits that reading one register within a frame takes (datasheet figure 12).
 const REGISTER_BITS: u32 = 47;
+/// Number of those bits after which the register's value is certainly latched: its first data bit
+/// follows.
 const LATCHED_BITS: u32 = 1 + 9 + 9 + 1 + 9;
-/// Uncertainty of a register's read time relative to the end of a conversion, in microseconds: 2 of the
-/// edge's stamp, and 0.9 for each of three channels, unknown to the plan.
+/// Uncertainty of a register's read time relative to the end of a conversion, in microseconds: 2 for the
+/// stamp of the edge, and 0.9 for the time before each of three channels, which the plan does not know.
 const MARGIN_US: i32 = 5;
-/// Additional time of a transaction beyond its bits, in microseconds.
+/// Time that a transaction takes in addition to its bits on the bus, in microseconds.
 const MASTER_US: i32 = 10;
-/// Time to read one register between two frames: 48 bits of 2.5 us, and the overhead of the master.
+/// Time to read one register between two frames, in microseconds: 48 bits of 2.5 us, and [`MASTER_US`].
 const REGISTER_US: i32 = 130;
-/// Least time between two frames in which the task that took the last one can start its own transaction.
-/// With 11 us it could not for four frames, and lost three.
+/// Least free time in a scan period, in microseconds, for the task that took the last frame to start a
+/// transaction of its own before the next frame. With 11 us it could not do so for four frames, and lost
+/// three.
 const TURN_US: i32 = 40;
 
 /// Registers read in one transaction.
 #[derive(Clone, Copy, Debug, Default)]
 struct Part {
-    /// Latest start after the edge at which every word is latched before its channel's next conversion
-    /// ends.
+    /// Latest start after the edge, in microseconds, at which every word is still latched before its
+    /// channel's next conversion ends.
     slack_us: i32,
-    /// Duration on the bus.
+    /// Duration of the part's bits on the bus, in microseconds.
     length_us: i32,
 }
 
@@ -96,7 +98,8 @@ impl Parts {
     pub(super) fn latest_end_us(&self) -> [u32; MOST_PARTS] {
         let mut latest_us = [u32::MAX; MOST_PARTS];
         for (latest_us, part) in latest_us.iter_mut().zip(self.iter()) {
-            // The rest of the part then takes at least its bits.
+            // A part that ends by then has started by its latest start, since it takes at least the time
+            // of its bits.
             *latest_us = (part.slack_us + part.length_us).max(0).unsigned_abs();
         }
         latest_us
@@ -114,8 +117,9 @@ impl Parts {
         self.spare_us() >= REGISTER_US && self.left_us() >= TURN_US
     }
 
-    /// Returns the least time by which a part starts before its latest start, for the worst time of the
-    /// other converter's edge: each part then waits for one part of the other.
+    /// Returns the least time between a part's start and its latest start, in microseconds, for the
+    /// worst time of the other converter's edge: each part then waits for one part of the other
+    /// converter's frame.
     fn spare_us(&self) -> i32 {
         let mut begin_us = self.wait_us(0);
         let mut spare_us = i32::MAX;
@@ -126,13 +130,14 @@ impl Parts {
         spare_us
     }
 
-    /// Returns the wait for a part of the other converter's frame; its first part is the longest.
+    /// Returns the time for which a part waits for part `index` of the other converter's frame; the
+    /// first part of a frame is the longest.
     fn wait_us(&self, index: usize) -> i32 {
         let part = self.parts.get(index).filter(|_| self.is_shared);
         part.map_or(0, |part| part.length_us + MASTER_US)
     }
 
-    /// Returns the time of a period that the frames leave free.
+    /// Returns the part of a scan period in which no frame is read, in microseconds.
     fn left_us(&self) -> i32 {
         let frames_us: i32 = if self.is_shared {
             2 * (0..self.count)
@@ -149,7 +154,7 @@ impl Parts {
     }
 }
 
-/// Returns the duration of bits on the bus, 2.5 us each, in whole microseconds.
+/// Returns the duration of a number of bits on the bus, 2.5 us each, in whole microseconds.
 const fn bits_us(bits: u32) -> i32 {
     (bits * 5 / 2) as i32
 }

@@ -66,7 +66,7 @@ impl Scheme {
             ages_us,
             channels: plan.configuration.acquisition.channel_count(),
         };
-        // The other converter may need STATUS in each frame.
+        // With STATUS, since the other converter on the bus may need it in each frame.
         let parts = Parts::new(&scheme, true);
         if setpoint.shares_bus && !parts.fit() {
             return Err(LimitError::BusTooSlow {
@@ -114,13 +114,15 @@ fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
     low
 }
 
-/// Growth of the parallel resistance, and so of the amplitude, when the sensor is fully pressed: 0.4 mm
-/// between slabs raise the inductance by a fifth, and the resistance is L/(R C).
+/// Ratio of the parallel resistance, and so of the amplitude, of the fully pressed sensor to that at
+/// rest: 6 to 5, since 0.4 mm between slabs raise the inductance by a fifth, and the resistance is L/(R
+/// C).
 const PRESSED: [u32; 2] = [6, 5];
 
-/// Returns a drive with a margin for that growth: the strongest that is a fifth weaker. The converter
-/// finds the strongest below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it.
-/// At rest the oscillation may be too weak with it: see [`stronger`].
+/// Returns the strongest drive with which the pressed sensor's amplitude, a fifth above that at rest
+/// ([`PRESSED`]), is at most the amplitude at rest with the found drive. The converter finds the
+/// strongest drive below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it. At
+/// rest the oscillation may be too weak with the returned drive: see [`stronger`].
 pub fn with_room(found: DriveCode) -> DriveCode {
     let [pressed, at_rest] = PRESSED;
     let has_room = |code: &DriveCode| {
@@ -186,9 +188,10 @@ fn times(configuration: &Configuration) -> Times {
         let settle_s = periods / reference_hz(configuration);
         end_s -= conversion_s + settle_s + SWITCH_S;
     }
-    // Each time is rounded separately against the edge, so none is rounded twice; it is rounded up,
-    // since an edge's stamp is late: 0.1 to 1.7 us from its interrupt, less the truncation to whole
-    // microseconds. The result is between 1.9 us early and 1.7 us late (docs/evidence/image-starts.md).
+    // Each time is rounded on its own relative to the edge, so no rounding adds to another. It is
+    // rounded up, since the stamp of an edge is late: by 0.1 to 1.7 us from the edge to its interrupt,
+    // less the truncation to whole microseconds. The result is between 1.9 us early and 1.7 us late
+    // (docs/evidence/image-starts.md).
     let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 1.0) as u32);
     let [before_edge_us, ..] = before_us;
     let offset_us = |before_us| u16::try_from(before_edge_us.saturating_sub(before_us));
@@ -228,7 +231,7 @@ mod tests {
             };
             let [low, high] = rates_hz(setpoint, with_status);
             assert_eq!(low, lowest, "{channels:#b}");
-            // RCOUNT is whole: a frame is up to 2 us longer.
+            // The converter's RCOUNT is a whole number, so a frame is up to 2 us longer than requested.
             assert!(
                 (highest - 9..=highest).contains(&high),
                 "{channels:#b}: {high}"

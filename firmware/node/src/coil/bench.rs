@@ -8,7 +8,7 @@ use super::{
     TRACE_LENGTH,
 };
 
-/// Reading of 12 V through a divider of 10 kiloohm and 100 kiloohm, of 4096 for 3.3 V.
+/// ADC reading of a 12 V supply through a divider of 10 kiloohm and 100 kiloohm; 4096 counts are 3.3 V.
 pub(super) const SUPPLY_12_V: u16 = 1_354;
 
 pub(super) struct CoilTestBench {

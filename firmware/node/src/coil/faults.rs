@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(found(Refusal::Supply(15.0)), high);
         let long = Some((FaultCode::OnTime, Some(21.0), Some(20.0)));
         assert_eq!(found(Refusal::Duration(21.0)), long);
-        // It was reported when it was latched.
+        // The drive's latched fault was reported when it was latched.
         assert_eq!(found(Refusal::Latched(Fault::Short)), None);
     }
 }

@@ -5,10 +5,11 @@ use coil_hbridge::{Averages, Drive, Hardware, Limits, Order, Refusal, Supervisor
 use super::kept::EnergyWords;
 use crate::board;
 
-/// Number of stored blocks of the measured current: 512 of 256 us are longer than the slowest conversion
-/// of the first channel (26 ms at 40 MHz) and the three that follow it.
+/// Number of stored block averages of the measured current: 512 of 256 us last longer than the slowest
+/// scan, the first channel's conversion (26 ms at 40 MHz) and the three that follow it.
 pub const AVERAGED_BLOCKS: usize = 512;
-/// Number of currents in a trace: one `drive_coil` (docs/protocol.md, `current_trace`).
+/// Number of currents in a trace, which one `drive_coil` command records (docs/protocol.md,
+/// `current_trace`).
 pub const TRACE_LENGTH: usize = 128;
 
 /// Bridge, current measurement and slow readings of a board.
@@ -18,7 +19,7 @@ pub struct CoilCircuit {
     pub hardware: Hardware,
     /// Hard limits of every command.
     pub limits: Limits,
-    /// Counts of the ADC for thermistor and supply.
+    /// Number of ADC counts that correspond to the reference voltage, for thermistor and supply.
     pub counts: f32,
     /// Reference voltage of the ADC, V.
     pub reference_v: f32,
@@ -27,8 +28,8 @@ pub struct CoilCircuit {
 }
 
 impl CoilCircuit {
-    /// Circuit of the reference board (docs/firmware.md): a supply divider of 100 and 10 kiloohm, 12
-    /// bits for 3.3 V.
+    /// Circuit of the reference board (docs/firmware.md): a supply divider of 100 and 10 kiloohm, and an
+    /// ADC of 12 bits for 3.3 V.
     pub const REFERENCE: Self = Self {
         hardware: board::HARDWARE,
         limits: board::DRIVE,

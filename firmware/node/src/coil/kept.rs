@@ -31,7 +31,7 @@ mod tests {
             before.hardware.now_us += 1_000;
             before.poll();
         }
-        // 3.5 W for 2 s.
+        // The coil gives off 3.5 W for 2 s.
         let left_j = before.account().energy_j();
         assert!((left_j - 33.0).abs() < 0.3, "{left_j}");
         let after = run(before.hardware.memory);

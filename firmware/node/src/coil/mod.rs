@@ -30,23 +30,26 @@ use tracing::Tracing;
 
 /// Period of polling the drive, us.
 pub const POLL_US: u64 = 1_000;
-/// Number of polls after the bridge went off until the interrupt is disabled: until then the mean
+/// Number of polls from switching the bridge off to disabling the control interrupt: by then the mean
 /// currents of the last conversions have been read.
 const RESTS_AFTER: u16 = 200;
-/// Number of polls after which the current of any coil has decayed, so that a current is unwanted.
+/// Number of polls after the bridge went off by which the current of any coil has decayed: a current
+/// after that is a fault.
 const DEAD_AFTER: u16 = 20;
 /// Lowest current that counts as unwanted and not as an offset, A.
 const UNWANTED_A: f32 = 0.5;
-/// Number of periods over which an unwanted current is measured.
+/// Number of bridge periods over which the current is averaged to detect an unwanted one.
 const UNWANTED_PERIODS: u32 = 32;
-/// While the interrupt is disabled: number of polls between two readings of thermistor and supply, and
-/// between two reports of the drive. Both divide the range of the poll counter.
+/// While the control interrupt is disabled: number of polls between two readings of thermistor and
+/// supply. It divides the range of the poll counter.
 const SELDOM: u8 = 8;
+/// While the control interrupt is disabled: number of polls between two reports of the drive. It divides
+/// the range of the poll counter.
 const RARELY: u8 = 64;
-/// Share of the difference that a supply reading contributes at each poll; the whole difference while
-/// readings are rare.
+/// Weight of a new reading in the exponential smoothing of the supply voltage; 1 while readings are
+/// rare.
 const SMOOTHING: f32 = 0.25;
-/// Parts of a period in [`Moment`].
+/// Number of units of [`Moment`] in a bridge period.
 const SIXTEENTHS: i64 = 16;
 
 /// Manager of the coil's drive.
@@ -55,10 +58,11 @@ pub struct CoilManager<H> {
     hardware: H,
     supervisor: Supervisor,
     supply_v: f32,
-    /// Supply by its last reading, V.
+    /// Last reading of the coil's supply, V, unfiltered.
     read_v: f32,
     thermometer: Thermometer,
-    /// A coil that needs a thermometer is attached, driven or not.
+    /// A coil that needs a thermometer is attached: the thermometer's faults count also while the coil
+    /// is not driven.
     expects_thermometer: bool,
     /// Start time of the control interrupt; `None` while it is disabled.
     runs_since_us: Option<u64>,
@@ -112,7 +116,8 @@ impl<H: CoilHardware> CoilManager<H> {
         let Some(report) = self.hardware.with_drive(|drive| drive.report()) else {
             return;
         };
-        // The request may come late in a step that has taken up to a millisecond.
+        // The time is read here, since a step of the procedure may take up to a millisecond before it
+        // makes this request.
         let clock = || self.hardware.now_us();
         match self.supervisor.follow(&report, line, clock) {
             Ok(order) => self.hardware.apply(&order),
@@ -307,7 +312,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Takes the slow readings; filters the supply while readings are frequent.
+    /// Takes the readings of thermistor and supply; smooths the supply while readings are frequent.
     fn read(&mut self, rests: bool) {
         let SlowReadings { thermistor, supply } = self.hardware.slow_readings();
         let supply_v = H::CIRCUIT.supply_v(supply);
@@ -319,7 +324,8 @@ impl<H: CoilHardware> CoilManager<H> {
         let is_first = self.supply_v == 0.0;
         let part = if rests || is_first { 1.0 } else { SMOOTHING };
         let off_v = |of_v: f32| of_v - self.supply_v;
-        // A single outlier is an error of the converter: the nearer of the last two readings counts.
+        // A single outlier is an error of the ADC: of the last two readings, the one nearer to the
+        // smoothed supply counts.
         self.supply_v += part
             * if is_first || off_v(supply_v).abs() <= off_v(read_v).abs() {
                 off_v(supply_v)
@@ -333,7 +339,8 @@ impl<H: CoilHardware> CoilManager<H> {
             && (self.expects_thermometer || !rests)
             && self.failure.is_none()
         {
-            // The drive does not know this fault, so the bridge is switched off first.
+            // The drive does not detect a failed thermometer by itself, so the bridge is switched off
+            // first.
             self.switch_off();
             self.failure = Some(failure);
         }
@@ -351,7 +358,7 @@ impl<H: CoilHardware> CoilManager<H> {
                 }
             }
             DriveState::Off { tested } => {
-                // The end of a drive has no new findings.
+                // Only the end of a test has new findings, not the end of a drive.
                 if tested
                     && matches!(
                         before,

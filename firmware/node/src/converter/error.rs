@@ -85,7 +85,7 @@ pub(crate) fn failure(error: &ConverterError, converter: usize) -> Failure {
         (FaultCode::BusDataStuck | FaultCode::BusClockStuck, _)
         | (FaultCode::BusNotAcknowledged | FaultCode::BusTimeout, 0) => Location::Bus,
         (_, 0) => Location::Sensor,
-        // The bus may work for the first converter.
+        // An error of the second converter is located there: the bus may work for the first one.
         _ => Location::SecondSensor,
     };
     Failure {

@@ -20,39 +20,43 @@ use error::{OFF_PACE, edge_error};
 pub use port::{EdgeDeadlines, EdgeFrame, EdgeReader, MOST_FRAME_BYTES, Port};
 pub use state::{CONVERTERS, ConverterState};
 
-/// Number of frames between two checks of a register that a reset of the converter would change.
+/// Number of frames between two checks of a register whose value a reset of the converter would change.
 const CANARY_EVERY: u32 = 64;
-/// Wake-up time after SD goes low: the maximum (datasheet 6.5) plus a margin.
+/// Time for which the converter wakes after its shutdown pin SD goes low: the maximum (datasheet 6.5)
+/// plus a margin.
 const WAKE_UP_US: u32 = 2_500;
-/// Time between two attempts to start a converter, and time between two setpoints: SD is held high for
-/// as long as the driver holds it to reset the converter.
+/// Time in shutdown between two attempts to start a converter.
 const PAUSE_US: u32 = 20_000;
+/// Time in shutdown between two setpoints: as long as the driver holds SD high to reset the converter.
 const RESET_US: u32 = 1_000;
-/// Poll period for a setpoint before there is one, and for a second converter that did not answer and so
-/// never gets one: its task only checks in.
+/// Poll period for the first setpoint.
 const NO_SETPOINT_US: u32 = 1_000;
+/// Poll period of the task of a second converter that did not answer: it never gets a setpoint and only
+/// checks in.
 const ABSENT_US: u32 = 5_000;
-/// Poll period of the other converter's clock, and the number of polls before its difference counts as a
-/// fault. The other converter handles a new setpoint after a frame of 31 ms, or after its start: five
-/// frames and 20 ms.
+/// Poll period while the other converter runs from a different clock.
 const CLOCK_POLL_US: u32 = 1_000;
+/// Number of polls after which a different clock of the other converter is a fault. That converter
+/// handles a new setpoint after a frame of 31 ms, or after its start: five frames and 20 ms.
 const CLOCK_POLLS: u32 = 1_000;
-/// Number of frame periods without an edge after which the converter counts as silent, and an additional
-/// time.
+/// A converter counts as silent after this number of frame periods without an edge, plus [`SILENT_US`].
 const SILENT_FRAMES: f32 = 4.0;
+/// Time added to [`SILENT_FRAMES`] frame periods.
 const SILENT_US: f32 = 2_000.0;
-/// Number of frame periods after which the oscillation has settled, with a margin for their length.
+/// Number of planned frame periods after which the oscillation has settled; includes a margin, since a
+/// frame may be longer than planned.
 const SETTLED_FRAMES: f32 = 2.5;
-/// Number of consecutive frames read without an edge, because INTB was low, before INTB is checked: one
-/// or two may follow a late frame.
+/// Number of consecutive frames, read because INTB was low and without a known edge, after which INTB is
+/// checked: one or two such frames may follow a late frame.
 const MOST_WITHOUT_EDGE: u32 = 4;
-/// Number of frame periods in which a conversion certainly ends, and the number of checks of INTB.
+/// Number of frame periods within which a conversion certainly ends.
 const INTERRUPT_FRAMES: f32 = 1.5;
+/// Number of attempts to see whether INTB follows the conversions.
 const INTERRUPT_TRIES: u32 = 3;
-/// Number of single bus errors that are tolerated before the converter is restarted.
+/// Number of consecutive bus errors that are tolerated before the converter is restarted.
 const PATIENCE: u32 = 2;
-/// Number of consecutive frames read too late for one scan, before the bus counts as too slow for the
-/// rate. At the limit of the bus every second one is.
+/// Number of consecutive frames without a sample, each read too late to belong to one scan, after which
+/// the bus counts as too slow for the scan rate. At the limit of the bus every second frame is too late.
 const WITHOUT_SAMPLE: u32 = 16;
 
 /// Setpoint of the test that finds out what releases INTB: with faster conversions the next one would
@@ -65,8 +69,8 @@ const PROBE: Setpoint = Setpoint {
 
 type Result<T> = core::result::Result<T, ConverterError>;
 
-/// Returns whether the sensor of a reading does not oscillate. The watchdog ends its conversions at
-/// irregular times.
+/// Returns whether the sensor of a reading does not oscillate. The converter's watchdog ends the
+/// conversions of such a sensor at irregular times.
 fn is_silent(reading: &Reading) -> bool {
     matches!(reading.quality(), Quality::Watchdog | Quality::UnderRange)
 }
@@ -141,7 +145,7 @@ where
             let with_status = self.release != Some(InterruptRelease::ByData);
             let result = match Scheme::new(setpoint, with_status) {
                 Ok(scheme) => self.acquire(scheme, generation).await,
-                // The instrument has not accepted the setpoint.
+                // The instrument accepts no setpoint that the converter cannot follow.
                 Err(_) => Ok(()),
             };
             self.edges.stop();
@@ -225,7 +229,8 @@ where
                         without_edge = 0;
                         without_sample += 1;
                     } else {
-                        // Such a frame proves nothing about the line that starts frames.
+                        // A frame without a known edge does not prove that INTB, whose edges start
+                        // frames, works.
                         without_edge += 1;
                     }
                     if self.take(scheme, &mut grid, &frame).await? {
@@ -235,7 +240,7 @@ where
                         return Err(edge_error(TransferError::Timeout));
                     }
                     if without_edge == MOST_WITHOUT_EDGE {
-                        // INTB was low each time, and no edge came.
+                        // INTB was low before each of these frames, and no edge came.
                         without_edge = 0;
                         self.edges.stop();
                         self.check_interrupt(scheme).await?;
@@ -253,7 +258,8 @@ where
                     if error == TransferError::Silent {
                         self.check_interrupt(scheme).await?;
                     }
-                    // Identifies the converter and releases INTB. The frame may be old.
+                    // This read identifies the converter and releases INTB. The frame that it returns
+                    // may be old and is not used.
                     self.driver.read_frame().await?;
                     self.edges.start(&request, deadlines);
                 }
@@ -266,8 +272,8 @@ where
             until_canary -= 1;
             if until_canary == 0 {
                 until_canary = CANARY_EVERY;
-                // Without time for this check, a changed conversion time still shows in the grid, and a
-                // reset of the converter shows in its silence.
+                // If there is no time for this check, a changed conversion time still shows in the grid,
+                // and a reset of the converter shows in its silence.
                 if grid.has_room() {
                     self.driver.check_canary().await?;
                 }
@@ -281,9 +287,9 @@ where
         Ok(())
     }
 
-    /// Without edges: checks whether conversions end while INTB stays at one level. It must be high
-    /// after its release, and low after a frame. A conversion that ends between two reads spoils one
-    /// try.
+    /// Called if no edges come: checks whether conversions end while INTB stays at one level. INTB must
+    /// be high after its release, and low after a frame period. A conversion that ends between two reads
+    /// spoils one attempt.
     async fn check_interrupt(&mut self, scheme: &Scheme) -> Result<()> {
         let mut intb = self.port.intb();
         let mut stuck = None;
@@ -311,7 +317,8 @@ where
     /// Passes a frame on if it belongs to one scan of a known time; returns whether it did.
     async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<bool> {
         let frame = self.driver.decode_frame(&read.bytes)?;
-        // With several channels there is no watchdog, and each conversion takes its full time.
+        // With several channels the converter's watchdog does not act, and each conversion takes its
+        // full time.
         if scheme.channels == 1 && frame.readings().iter().any(is_silent) {
             grid.interrupt();
         }

@@ -84,7 +84,7 @@ impl FrameSink for FrameSender<'_> {
         if frame.len() > room {
             return false;
         }
-        // There is space for every byte.
+        // The space for every byte of the frame was checked above.
         frame.iter().all(|&byte| self.bytes.enqueue(byte).is_ok())
     }
 
@@ -98,7 +98,7 @@ impl FrameSink for FrameSender<'_> {
     }
 }
 
-/// Receiver of packets, one at a time: the next one after the PC has taken the last.
+/// Receiver of packets, one at a time: the next packet is made after the PC has taken the last one.
 pub struct FrameReceiver<'a> {
     bytes: Consumer<'a, u8>,
     state: &'a State,
@@ -108,7 +108,8 @@ pub struct FrameReceiver<'a> {
     is_unfinished: bool,
     /// The last packet ended within a frame.
     is_within_frame: bool,
-    /// The next packet must end that frame, whose rest was discarded.
+    /// The next packet must end the frame within which the last packet ended: the rest of that frame was
+    /// discarded.
     ends_frame: bool,
 }
 
@@ -169,7 +170,8 @@ impl FrameReceiver<'_> {
         }
         self.is_unfinished = length == packet.len();
         self.is_within_frame = last.map_or(self.is_within_frame, |byte| byte != 0);
-        // The end of a frame whose rest was discarded was counted with it.
+        // The end of a frame whose rest was discarded is not counted here: the frame was counted as
+        // discarded.
         self.on_its_way = Some(frames - u32::from(end.is_some()));
         Some(length)
     }

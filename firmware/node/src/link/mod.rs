@@ -61,7 +61,7 @@ impl<S: FrameSink> Outbox<S> {
             self.sequencer.count_dropped();
         }
         let header = self.sequencer.stamp(time_us);
-        // The buffer can hold any record; an empty frame is not one.
+        // Encoding cannot fail, since the buffer can hold any record.
         let is_sent = self.sink.is_open()
             && encode(&header, record, buffer)
                 .is_ok_and(|frame| !frame.is_empty() && self.sink.write(frame));

@@ -2,16 +2,16 @@
 
 /// Period of a bus frame, us (USB 2.0 8.4.3.1).
 const FRAME_US: u32 = 1_000;
-/// Time from the start of a frame, us, after which no bulk packet may be made available: the packet may
-/// meet the frame's end, and then the controller hangs until it is reset (RP2040-E15, whose workaround
-/// excludes 800 to 998). Making a packet available takes 10 us, and interrupts may come between: with
-/// 770, one was made available at 800 us after 44 s with the coil in its train, and the controller hung.
-/// With this value the latest of two minutes was 721 us.
+/// Time from the start of a USB frame, us, after which no bulk packet may be made available: the packet
+/// may meet the frame's end, and then the controller hangs until it is reset (RP2040-E15, whose
+/// workaround excludes 800 to 998). Making a packet available takes 10 us, and interrupts may come
+/// between: with 770 here, one was made available at 800 us after 44 s with the coil in its train, and
+/// the controller hung. With 700, the latest packet in two minutes was made available at 721 us.
 const FRAME_ENDS_US: u32 = 700;
 
-/// Clock of the USB frames, from a flag that the start of a frame sets and that is polled at any time.
-/// It is corrected only when a poll proves it wrong: the flag is often seen late, and many times in a
-/// row.
+/// Clock of the USB frames, from a flag that the controller sets at the start of a frame and that is
+/// polled at any time. The clock is corrected only when a poll proves it wrong: the flag is often seen
+/// late, and many times in a row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct UsbFrames {
     polled_us: u32,
@@ -28,8 +28,8 @@ impl UsbFrames {
         }
     }
 
-    /// Handles a poll without the flag. If a frame should have started by this time, all frames start
-    /// later.
+    /// Handles a poll that finds no flag. If by this clock the next frame should already have started,
+    /// the clock is corrected: all frames start later.
     pub fn found_none(&mut self, now_us: u32) {
         let is_over = |&began_us: &u32| now_us.wrapping_sub(began_us) >= FRAME_US;
         if self.began_us.as_ref().is_some_and(is_over) {
@@ -38,8 +38,9 @@ impl UsbFrames {
         self.polled_us = now_us;
     }
 
-    /// Handles a poll with the flag, which is then cleared. If no frame should have started since the
-    /// last poll, all frames start earlier: this one at this time, at the latest.
+    /// Handles a poll that finds the flag, which is then cleared. If by this clock no frame should have
+    /// started since the last poll, the clock is corrected: all frames start earlier, this one at the
+    /// time of the poll at the latest.
     pub fn found_start(&mut self, now_us: u32) {
         let since_look_us = now_us.wrapping_sub(self.polled_us);
         let late_us = self
@@ -47,7 +48,8 @@ impl UsbFrames {
             .map(|began_us| now_us.wrapping_sub(began_us) % FRAME_US)
             .filter(|&late_us| late_us < since_look_us)
             .unwrap_or(0);
-        // Without polls between the flags, a clock that is too fast is never proven wrong.
+        // A clock that is too fast is proven wrong only by polls between the flags; without such polls,
+        // a flag that seems late by more than half a frame moves all frames a microsecond later.
         let is_doubtful = late_us > FRAME_US / 2;
         self.began_us = Some(now_us.wrapping_sub(late_us - u32::from(is_doubtful)));
         self.polled_us = now_us;
