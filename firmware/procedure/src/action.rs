@@ -15,7 +15,8 @@ use crate::time::{Duration, Instant};
 pub enum Action {
     /// Switch the bridge off, before anything else.
     SafeState,
-    /// Let the coil's current follow a line, whose start time is on the clock of [`Instant`].
+    /// Let the coil's current follow a straight line over time. Its start time is on the clock of
+    /// [`Instant`].
     Current(CurrentLine),
     /// Test bridge, coil and current measurement; [`Event::CoilTested`](crate::Event::CoilTested) or a
     /// fault follows.
@@ -51,7 +52,7 @@ pub enum Action {
     /// Pass an order to the storage. An order that writes or erases may start only while the bridge is
     /// proven off.
     Storage(StorageOrder),
-    /// Restart the device as soon as its answer has been sent.
+    /// Restart the device as soon as the answer to the restart command has been sent.
     Restart(RebootTarget),
     /// Let the LED flicker for this time.
     Locate(Duration),
@@ -60,7 +61,7 @@ pub enum Action {
 /// Actions of one step, at most twelve.
 pub type Actions = heapless::Vec<Action, MOST_ACTIONS>;
 
-/// Maximum number of actions of a step: safe state, current, configuration; then a sample, a change of
-/// state and its result (estimate, refusal or fault), a status, and two answers: to a command, and to a
-/// waiting one that is dropped.
+/// Maximum number of actions of a step: safe state, current and configuration; a sample, a change of
+/// state and its result (estimate, refusal or fault), and a status; and two answers, one to a command
+/// and one to a waiting command that is dropped.
 pub(crate) const MOST_ACTIONS: usize = 12;

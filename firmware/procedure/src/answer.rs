@@ -12,8 +12,8 @@ pub(crate) enum Answer {
 }
 
 impl Answer {
-    /// Refuses a field beyond the limits of the board or of the settings, which are narrower than the
-    /// protocol's.
+    /// Refuses a field whose value is beyond the limits of the board or of the settings; these are
+    /// narrower than the protocol's.
     pub(crate) const fn out_of_range(field: u8, value: f32, [low, high]: [f32; 2]) -> Self {
         Self::Invalid(Invalid {
             field,

@@ -6,7 +6,7 @@ use palpate_wire::code::{FaultCode, ResetCause};
 use palpate_wire::crc32;
 use palpate_wire::record::Crash;
 
-/// Number of words of the record.
+/// Number of words of the crash record.
 pub const RECORD_WORDS: usize = 20;
 
 /// Crash record in memory, in words, which no reset clears:
@@ -21,13 +21,13 @@ pub const RECORD_WORDS: usize = 20;
 /// | 19 | CRC-32C over the words before it, least significant byte first |
 pub type RecordWords = [u32; RECORD_WORDS];
 
-/// Content of the memory without a record.
+/// Content of the record's memory when there is no crash record.
 pub const NO_RECORD: RecordWords = [0; RECORD_WORDS];
 
 const MAGIC: u32 = 0x5061_6C70;
-/// Bytes of the file name.
+/// Number of bytes of the source file's name that the crash record holds.
 const NAME: usize = 48;
-/// Bytes covered by the CRC.
+/// Number of bytes of the crash record that its CRC covers: all but the last word.
 const CHECKED: usize = 4 * (RECORD_WORDS - 1);
 
 /// End of a run.
@@ -244,7 +244,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
             link_register,
             ..Kept::new(WordKind::HardFault, streak)
         },
-        // Only a run that lasts ends a streak.
+        // A requested restart does not count as a crash, and does not end a streak: only a run that
+        // lasts long enough does.
         End::Asked => Kept::new(WordKind::Asked, before),
     };
     kept.uptime_ms = uptime_ms;
@@ -270,9 +271,9 @@ impl Boot {
             _ => None,
         });
         let streak = match cause {
-            // This crash was counted when the record was written.
+            // A panic or hard fault was already counted when its record was written.
             ResetCause::Panic | ResetCause::HardFault => counted.max(1),
-            // These ends write no record.
+            // A run that ends this way writes no record, so it is counted here.
             ResetCause::Watchdog | ResetCause::Unexplained => counted.saturating_add(1),
             ResetCause::Software if flags.is_by_firmware() => counted,
             // The boot loader starts a new image, which has not crashed yet.

@@ -52,22 +52,24 @@ pub(crate) struct Follower {
     /// without one, that of the first reading; during a touch that of the untouched sensor, without its
     /// recovery.
     reference_hz: Option<f64>,
-    /// The same frequency as a code of the converter, after a reading has given the scale of the codes.
+    /// Code of the converter at the reference frequency; known once a reading has given the scale of the
+    /// codes.
     reference_code: Option<u32>,
-    /// Largest change of the reading per kelvin.
+    /// Largest change of an untouched sensor's reading per kelvin.
     per_kelvin: Metre,
 }
 
 /// Memory of the baseline: half a second, because the drift of an untouched sensor (warming, recovery
-/// from a press) is slow against that; at least the number of readings that a straight line needs, and
-/// at most the number beyond which its variance does not improve (`palpate_model::contact`: figures for
-/// 500).
+/// from a press) is slow against that.
 const MEMORY_S: f32 = 0.5;
+/// Minimum memory of the baseline, as a number of readings: as many as a straight line needs.
 const LEAST_MEMORY: f32 = 20.0;
+/// Maximum memory of the baseline, as a number of readings: with more, the variance of the straight line
+/// does not improve (`palpate_model::contact`: figures for 500).
 const MOST_MEMORY: f32 = 500.0;
 
-/// Largest relative change of an untouched sensor's inductance per kelvin: 30 ppm of the tank's
-/// capacitor (class C0G, EIA-198), and as much of the coil.
+/// Largest relative change of an untouched sensor's inductance per kelvin: 30 ppm for the tank's
+/// capacitor (class C0G, EIA-198), and as much for the coil.
 const INDUCTANCE_PER_KELVIN: f32 = 60e-6;
 
 impl Follower {
@@ -168,7 +170,7 @@ impl Follower {
         let rest_hz = calibration.tank.as_ref().map(|tank| tank.rest_frequency_hz);
         let first_hz = rest_hz.unwrap_or(reading.frequency_hz);
         let reference_hz = *self.reference_hz.get_or_insert(first_hz);
-        // Rounded to a count, which is a few nanometres at most.
+        // Rounding to a whole code causes an error of a few nanometres at most.
         let code = f64::from(reading.word.code().get()) * reference_hz / reading.frequency_hz;
         let code = (code + 0.5) as u32;
         self.reference_code = Some(code);
@@ -182,7 +184,7 @@ impl Follower {
         self.reference_code = None;
     }
 
-    /// Makes the inductance change count from the untouched sensor.
+    /// Shifts the reference so that the inductance change is zero for the untouched sensor.
     ///
     /// A temperature effect or the quantisation of a single reading shifts the reference. At rest the
     /// baseline removes this error; but because the curve is not straight, an error would remain, and be
@@ -205,13 +207,15 @@ impl Follower {
             }
             None => zero.value(),
         };
-        // Newton's method, starting close to the root.
+        // Finds the inductance change at which the curve gives this deformation, by Newton's method from
+        // a start close to it.
         let mut change = 0.0;
         for _ in 0..2 {
             let point = curve.at(change);
             change += (untouched.0 - point.value) / point.slope;
         }
-        // L ~ f^-2, to second order: the cube of such a change is less than a count.
+        // Change of the code for this inductance change, since L ~ f^-2, to second order: the term of
+        // third order is less than a count.
         let counts = -0.5 * change * (1.0 - 0.75 * change) * reference_code as f32;
         if !counts.is_finite() {
             return;

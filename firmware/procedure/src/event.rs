@@ -14,7 +14,8 @@ use crate::time::{Duration, Instant};
 /// One event. Its time is a separate argument of [`Procedure::step`](crate::Procedure::step).
 #[derive(Clone, Debug)]
 pub enum Event<'a> {
-    /// Time has passed. Required at least every 10 ms, so that deadlines hold without conversions.
+    /// Time has passed. The procedure needs this or another event at least every 10 ms, so that its
+    /// deadlines hold without conversions.
     Tick,
     /// Conversions were read.
     Scan(&'a Scan),
@@ -56,7 +57,7 @@ pub struct Scan {
     pub conversions: heapless::Vec<Conversion, 4>,
     /// Number of scans of this converter that were lost before this one.
     pub lost: u32,
-    /// The time before it is unknown: start, recovery or a loss.
+    /// The time between the previous scan and this one is unknown: start, recovery or a loss.
     pub gap: bool,
     /// Mean measured current of the coil over the first channel's conversion; `None` without a current
     /// measurement.
@@ -64,8 +65,8 @@ pub struct Scan {
     /// RMS ripple of the current during the conversion, caused by the bridge's switching; `None` if
     /// unknown, and then taken as zero.
     pub ripple: Option<Ampere>,
-    /// Energy that the coil has taken and not yet given off, as its drive counts it at this time; `None`
-    /// without a drive.
+    /// Energy that the coil has taken and not yet given off, as its drive counts it at the time of this
+    /// scan; `None` without a drive.
     pub account: Option<Account>,
 }
 
@@ -97,10 +98,10 @@ impl Scan {
     /// Returns the current whose stiffening equals that of mean and ripple together: the root of the
     /// mean square.
     ///
-    /// The stiffening is even, and its mean over the ripple differs from its value here by at most the
-    /// part 4 s^2/Ic^2, s being the ripple and Ic the current of half the saturated stiffening: 1.2e-3
-    /// with 1.2 A peak to peak and 20 A. The value at the mean current differs by s^2/I^2 far below
-    /// saturation.
+    /// The stiffening is an even function of the current. Its mean over the ripple differs from its
+    /// value at the returned current by at most the fraction 4 s^2/Ic^2 of that value, s being the
+    /// ripple and Ic the current of half the saturated stiffening: 1.2e-3 with 1.2 A peak to peak and 20
+    /// A. The value at the mean current differs by the fraction s^2/I^2 far below saturation.
     pub(crate) fn acting_current(&self) -> Option<Ampere> {
         let square_a2 = self.square_current_a2()?;
         Some(Ampere(palpate_model::math::sqrt(square_a2)))
@@ -123,7 +124,7 @@ pub struct Conditions {
     pub temperature: Option<Celsius>,
     /// Supply of the coil, in volts.
     pub supply_v: Option<f32>,
-    /// Used share of the processor's time.
+    /// Fraction of the time for which the processor did not sleep.
     pub processor_load: Option<f32>,
     /// Greatest stack depth in bytes; 0 if it is not measured.
     pub stack_bytes: u32,

@@ -10,11 +10,12 @@ use palpate_wire::command::Coil;
 use crate::measurement::train::TrainProfile;
 use crate::time::in_seconds;
 
-/// Ambient temperature without a thermometer: a warm room, to which the coil's own heating is added.
+/// Ambient temperature that is assumed without a thermometer: a warm room, to which the coil's own
+/// heating is added.
 const WARM_ROOM: Celsius = Celsius(30.0);
 
-/// Melting point of copper, 1085 degrees Celsius. Without this bound an ever growing resistance would
-/// end in infinity minus infinity, which no limit detects.
+/// Upper bound of the computed copper temperature, the melting point. Without this bound an ever growing
+/// resistance would end in infinity minus infinity, which no limit detects.
 const MELTING: Celsius = Celsius(1085.0);
 
 /// Temperatures of copper and pad, computed from the square of the current.
@@ -26,7 +27,8 @@ pub(crate) struct Heat {
     /// Lowest temperature that the thermometer has reported: the pad is never colder than its
     /// surroundings.
     ambient: Option<Celsius>,
-    /// Since the last step: time, and the integral of the squared current.
+    /// Time since the last temperature step; the next field is the integral of the squared current over
+    /// it.
     elapsed: Second,
     square_a2_s: f32,
     /// Energy since the measurement began, in joules.
@@ -86,7 +88,7 @@ impl Heat {
         let Temperatures { copper, pad } =
             self.nodes
                 .after(self.now, power, self.ambient(), self.elapsed);
-        // `min` also replaces a NaN by the melting point.
+        // `min` limits a temperature to the melting point, and replaces a NaN by it.
         self.now = Temperatures {
             copper: Celsius(copper.0.min(MELTING.0)),
             pad: Celsius(pad.0.min(MELTING.0)),
@@ -96,8 +98,8 @@ impl Heat {
         self.square_a2_s = 0.0;
     }
 
-    /// Takes a reading of the pad's thermometer; the copper is not colder, the surroundings are not
-    /// warmer.
+    /// Takes a reading of the pad's thermometer: the copper is at least as warm, and the surroundings
+    /// are at most as warm.
     pub(crate) fn measured(&mut self, temperature: Celsius) {
         self.now.pad = temperature;
         if self.ambient.is_none_or(|ambient| temperature < ambient) {
@@ -125,7 +127,7 @@ impl Heat {
         self.copper.resistance(temperature)
     }
 
-    /// Returns the pad temperature, as far as it is known: the copper is not colder.
+    /// Returns the computed pad temperature, as far as it is known; the copper is at least as warm.
     pub(crate) const fn pad(&self) -> Celsius {
         self.now.pad
     }
@@ -165,8 +167,8 @@ impl Heat {
     pub(crate) fn forecast(&self, profile: &TrainProfile, limit: Celsius) -> Forecast {
         let duration = in_seconds(profile.duration());
         let mean_square_a2 = profile.mean_square_a2();
-        // The bound holds for a constant current of the same heat; within a period the copper exceeds it
-        // by at most the contribution of rise and hold.
+        // The computed bound holds for a constant current of the same heat; within a period of the train
+        // the copper exceeds it by at most what rise and hold contribute.
         let at_peak = in_seconds(profile.rise) + in_seconds(profile.hold);
         let swing_j = self.copper.heat(profile.peak, limit).0 * at_peak.0;
         let swing = Kelvin(swing_j / self.nodes.copper_capacity().0);

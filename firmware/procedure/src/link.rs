@@ -1,6 +1,7 @@
 //! The links to PCs.
 
-/// Link to a PC: an answer goes to the link of its command. All other records go to all links.
+/// Link to a PC. An answer goes to the link from which its command came; all other records go to all
+/// links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
     /// A debug probe (RTT).

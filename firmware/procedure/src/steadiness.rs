@@ -2,8 +2,8 @@
 
 use palpate_model::units::{Metre, Second};
 
-/// Averaging time of the deformation: two periods of the fastest tremor that is not averaged out, half a
-/// period of the slowest vibration on a stand (5 Hz, sim-host/stacks).
+/// Time over which the deformation is averaged: two periods of the fastest tremor that is not averaged
+/// out, and half a period of the slowest vibration on a stand (5 Hz, sim-host/stacks).
 const BLOCK: Second = Second(0.1);
 
 /// Compares the means of successive blocks of time.
@@ -16,8 +16,8 @@ pub(crate) struct Steadiness {
 }
 
 impl Steadiness {
-    /// Returns the least time to a rate: two blocks of at least two conversions, and half a block until
-    /// the first conversion.
+    /// Returns the time from the start to the first rate: two blocks of at least two conversions, and
+    /// half a block until the first conversion.
     pub(crate) fn least_s(rate_hz: f32) -> f32 {
         2.5 * BLOCK.0.max(2.0 / rate_hz)
     }

@@ -1,6 +1,7 @@
 //! Orders to the storage and its reports.
 //!
-//! The storage works beside the procedure and more slowly: it gets one order at a time and reports each.
+//! The storage works in parallel with the procedure, and more slowly: it gets one order at a time and
+//! reports the end of each.
 
 use palpate_wire::Command;
 use palpate_wire::code::StorageState;
@@ -27,7 +28,7 @@ pub enum StorageOrder {
 /// Report of the storage.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StorageReport {
-    /// The order was carried out; the next one may follow.
+    /// The order was carried out; the operation continues with its next order.
     Ready,
     /// A command of the configuration being read.
     Item(Command),

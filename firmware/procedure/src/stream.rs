@@ -112,7 +112,7 @@ impl Streamer {
             (at, raw)
         });
         match &mut self.raw {
-            // There is space for them: see `full`.
+            // There is space for these words: a full run has been replaced above; see `full`.
             Some((_, raw)) => words.for_each(|word| {
                 let _ = raw.words.push(word);
             }),

@@ -7,32 +7,33 @@ use palpate_wire::code::{FaultCode, Location};
 use crate::event::Failure;
 use crate::time::{Duration, Instant, between};
 
-/// Reference temperature, 25 degrees Celsius, K: thermistor and resistor to the supply have the common
-/// value 10 kiloohm.
+/// Reference temperature of the thermistor, 25 degrees Celsius, in kelvin. At this temperature
+/// thermistor and resistor have the common value of 10 kiloohm.
 const REFERENCE_K: f32 = 298.15;
-/// Beta between 25 and 85 degrees Celsius, K, of the common 1 % parts (type 3950). The beta law has an
-/// error below 1 K from 0 to 100 degrees Celsius.
+/// Beta of the thermistor between 25 and 85 degrees Celsius, K: that of the common 1 % parts (type
+/// 3950). The beta law has an error below 1 K from 0 to 100 degrees Celsius.
 const BETA_K: f32 = 3_950.0;
 const ZERO_C_K: f32 = 273.15;
 /// Reference voltage of the ADC, V.
 const REFERENCE_V: f32 = 3.3;
 
-/// Ratios at 150 and at -40 degrees Celsius: R/R25 = exp(beta (1/T - 1/T25)) is 0.0200 and 40.2. A
-/// reading between them gives a temperature.
+/// ADC ratios at 150 and at -40 degrees Celsius, where R/R25 = exp(beta (1/T - 1/T25)) is 0.0200 and
+/// 40.2. Only a reading between them gives a temperature.
 const PLAUSIBLE: [f32; 2] = [0.0196, 0.9757];
-/// Thresholds halfway from there to the ends of the range, 40 and 50 counts of 4096 from them: a short
-/// reads below, an open circuit above. The ADC errs by 8 counts. A reading between these and the
-/// plausible range neither starts nor ends a fault, so noise at a threshold does neither.
+/// Fault thresholds, halfway from the [`PLAUSIBLE`] ratios to the ends of the ADC's range, 40 and 50
+/// counts of 4096 from these ends: a short reads below the first, an open circuit above the second. The
+/// ADC errs by 8 counts. A reading between a threshold and the plausible range neither starts nor ends a
+/// fault, so noise at a threshold does neither.
 const FAILED: [f32; 2] = [0.0098, 0.9879];
-/// Time for which a reading must be beyond a threshold to be a fault. 12 A in half an ohm heat copper of
+/// Time for which readings must be beyond a threshold to be a fault. 12 A in half an ohm heat copper of
 /// 0.8 J/K by 1.8 K in this time; a disturbance of the wire by a discharge or by the bridge's edges
 /// lasts microseconds.
 pub const PERSISTENCE: Duration = Duration::from_ticks(20_000);
-/// Divisor of plausible time before it is subtracted from the failed time: an intermittent contact is a
-/// fault if it is open for more than a fifth of the time. A disturbance of one reading in five, a
-/// millisecond apart, is not.
+/// The failed time is reduced by the time of plausible readings over this number: an intermittent
+/// contact is a fault if it is open for more than a fifth of the time. A disturbance of one reading in
+/// five, a millisecond apart, is not.
 const RECOVERY: u64 = 4;
-/// Share of the difference that one reading contributes.
+/// Weight of a new reading in the exponential smoothing of the ratio.
 const SMOOTHING: f32 = 0.25;
 
 /// Filter and fault detection of a thermistor's readings.
@@ -72,7 +73,8 @@ impl Thermometer {
         })
     }
 
-    /// Adds the time since the last reading to the state of that reading.
+    /// Adds the time since the last reading to the failed time if that reading had failed; otherwise
+    /// reduces the failed time.
     fn pass(&mut self, now: Instant) {
         let before = self.read.replace(now);
         let passed_us = before.map_or(0, |before| between(before, now).as_ticks());

@@ -25,7 +25,8 @@ pub(crate) fn in_seconds(span: Duration) -> Second {
 
 /// Returns the nearest span to a number of seconds; zero for a negative number or NaN.
 pub(crate) fn span(seconds_s: f32) -> Duration {
-    // A float cast saturates, and turns NaN into zero. The fraction beyond whole seconds is exact.
+    // The cast of a float saturates, and turns NaN into zero. The difference to whole seconds below is
+    // exact.
     let whole_s = seconds_s as u32;
     let rest_s = (seconds_s - whole_s as f32).clamp(0.0, 1.0);
     Duration::from_ticks(u64::from(whole_s) * 1_000_000 + u64::from((rest_s * 1e6 + 0.5) as u32))

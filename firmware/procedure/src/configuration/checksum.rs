@@ -10,17 +10,17 @@ use palpate_wire::{Command, configuration_crc};
 use super::parts::{ITEMS, item, sets};
 use super::{Configuration, SetStiffening};
 
-/// Kind of the record of the settings.
+/// Number of the record that carries the settings, for reporting their damage.
 const SETTINGS: u8 = 0x10;
 
 impl Configuration {
-    /// Returns the checksum of an item as it is in memory.
+    /// Computes the checksum of an item from its present content.
     fn sum(&self, number: usize) -> u32 {
         let Some((part, sensor, channel)) = item(number) else {
             return configuration_crc([Command::SetSettings(self.settings.clone())]);
         };
         match (part, &self.stiffening) {
-            // Includes the slopes, which no record carries.
+            // The checksum includes the curve's slopes, which no record carries.
             (Part::DeformationCurve, _) => {
                 let curve = self.channel(sensor, channel).map(|of| &of.curve);
                 curve.and_then(Option::as_ref).map_or(0, |of| of.checksum())

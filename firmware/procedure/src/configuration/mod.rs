@@ -76,7 +76,7 @@ enum SetStiffening {
 /// Complete calibration of a stiffness measurement.
 #[derive(Clone, Debug)]
 pub(crate) struct Calibrated {
-    /// Deepest deformation on the curve.
+    /// Largest deformation on the calibrated curve of the measuring channel.
     pub(crate) deepest: Metre,
     /// Springs at the measurement's temperature.
     pub(crate) springs: Springs,
@@ -98,9 +98,9 @@ pub(crate) struct Calibrated {
 /// Settings of a new device, reduced to its board's limits: one channel at 1 kHz, sensing, and a train
 /// of twelve ramps of 60 ms.
 ///
-/// The train is the one of the model's precision figures: short falling ramps against creep. Hold and
-/// ramp are several times the lag of the softest elastomers (10 ms). The other figures are for the stack
-/// `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
+/// The train is the one for which the model's precision figures hold: short falling ramps against creep.
+/// Hold and ramp are several times the lag of the softest elastomers (10 ms). The other figures are for
+/// the sensor design `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
 pub const DEFAULT_SETTINGS: Settings = Settings {
     channels: 0b0001,
     rate_hz: 1_000.0,
@@ -181,7 +181,7 @@ impl Configuration {
             .get(usize::from(channel))
     }
 
-    /// Returns c_S with its calibration.
+    /// Returns the calibration of the two springs, c_S and c_D0.
     pub(crate) const fn springs(&self) -> Option<&Springs> {
         self.springs.as_ref()
     }
@@ -208,7 +208,7 @@ impl Configuration {
         self.settings.channels.trailing_zeros() as u8
     }
 
-    /// Returns the deepest deformation on the principal channel's curve.
+    /// Returns the largest deformation on the principal channel's calibrated curve.
     pub(crate) fn deepest(&self) -> Option<Metre> {
         let curve = self.channel(0, self.principal())?.curve.as_ref()?;
         let deformations_m = curve.points().map(|(_, deformation_m)| deformation_m);
@@ -305,7 +305,7 @@ impl Configuration {
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
             return Outcome::NoSuchChannel.into();
         }
-        // Set and stored by an earlier version.
+        // Settings that an earlier version accepted and stored may have such channels.
         if settings.check_channels().is_err() {
             return Outcome::Inconsistent.into();
         }
@@ -429,8 +429,9 @@ impl Configuration {
         })
     }
 
-    /// Returns the largest difference between the sensor's temperature and that of its calibration, K.
-    /// If either is unknown, the limits of a room around 25 degrees Celsius.
+    /// Returns the largest possible difference between the sensor's temperature and that of its
+    /// calibration, K. If either is unknown, the difference is the largest in a room around 25 degrees
+    /// Celsius.
     pub(crate) fn away_k(&self, temperature: Option<Celsius>) -> f32 {
         const ROOM_K: f32 = 15.0;
         let known = self.temperature_effect.as_ref().zip(temperature);
@@ -487,7 +488,7 @@ fn has(board: &BoardInfo, sensor: u8, channel: u8) -> bool {
     channels.is_some_and(|channels| channels.checked_shr(channel.into()).unwrap_or(0) & 1 == 1)
 }
 
-/// Returns the law with an arbitrary spring, to check the law's own numbers.
+/// Returns the stiffening law with a spring of 1 N/m: enough to check the law's own numbers.
 fn law(set: &Stiffening) -> Option<Law> {
     law_of(set, NewtonPerMetre(1.0))
 }

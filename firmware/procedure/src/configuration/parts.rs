@@ -63,7 +63,7 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
             part == DeformationCurve && is_at((of.sensor, of.channel))
         }
         Command::SetCrosstalk(of) => part == Crosstalk && is_at((of.sensor, of.channel)),
-        // Each replaces the other.
+        // Law and curve replace each other, so setting one changes both items.
         Command::SetStiffening(_) | Command::SetStiffeningCurve(_) => {
             matches!(part, Part::Stiffening | Part::StiffeningCurve)
         }

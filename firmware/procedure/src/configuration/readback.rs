@@ -25,7 +25,7 @@ pub(crate) struct Cursor {
 }
 
 impl Cursor {
-    /// Position after the settings.
+    /// Position after the settings, at the first part of the calibration.
     const CALIBRATION: Self = Self {
         settings_are_done: true,
         part: 0,

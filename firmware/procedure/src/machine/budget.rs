@@ -15,17 +15,20 @@ use crate::measurement::Reason;
 use crate::measurement::train::TrainProfile;
 use crate::time::{Instant, in_seconds, seconds};
 
-/// Factor on the forecast energy for the ripple's heat (1.5 % of the square at most, decision 40).
+/// Factor on the forecast energy that allows for the heat of the current's ripple, which adds at most
+/// 1.5 % to the square of the current (decision 40).
 const RIPPLE: f32 = 1.02;
-/// Factor on the energy that the drive counts, also for the inaccuracy of its account: supply and
-/// current are read a millisecond apart, and the supply is filtered. On circuits of 0.23 to 0.55 ohm and
-/// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this factor
-/// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/integration/energy.rs).
+/// Factor on the coil's resistance, and so on the forecast of the energy that the drive will count. It
+/// also allows for the inaccuracy of the drive's account: supply and current are read a millisecond
+/// apart, and the supply is filtered. On circuits of 0.23 to 0.55 ohm and 20 to 200 uH at 8 and 12 V the
+/// count is 0.913 to 1.013 of the forecast without this factor (`the_forecast_is_what_the_drive_counts`
+/// in sim-host/tests/integration/energy.rs).
 const RESERVE: f32 = 1.03;
-/// Additional wait, s: the drive's account at rest is reported up to 0.07 s late.
+/// Time added to every wait, s: the drive's account at rest is reported up to 0.07 s late.
 const LATE_S: f32 = 0.1;
 
-/// Reason against driving the coil at this time, and time to wait; `None` if waiting does not help.
+/// Reason why the coil may not be driven at this time, and time to wait; `None` if waiting does not
+/// help.
 pub(super) struct DriveRefusal {
     pub(super) reason: Reason,
     pub(super) wait_s: Option<f32>,
@@ -76,7 +79,8 @@ impl Procedure {
         let energy_j = RIPPLE * forecast.energy_j;
         let limit_j = settings.greatest_energy_j.min(limits.energy_j);
         let takes_s = in_seconds(profile.duration()).0;
-        // Hot copper takes more energy; after cooling it may take less.
+        // Too much energy is final only if the copper is not too hot: hot copper takes more energy, so
+        // after cooling the train may take less.
         let is_too_much = energy_j.is_nan() || energy_j > limit_j;
         if forecast.hottest.is_some() && is_too_much {
             return never(RefusalReason::TooMuchEnergy, Some(energy_j), Some(limit_j));
@@ -92,7 +96,7 @@ impl Procedure {
         if forecast.hottest.is_some() {
             return energy;
         }
-        // Both times must have passed.
+        // The wait is the longer of two times: for the copper's temperature and for the drive's account.
         let cool_s = heat.wait_s(&longest, limit_c);
         let wait_s = match energy {
             Ok(()) => cool_s,
@@ -121,7 +125,7 @@ impl Procedure {
         };
         let copper = heat.copper();
         let limit = self.hottest();
-        // NaN counts as hot.
+        // A copper temperature of NaN counts as too hot.
         if copper.0.is_nan() || copper > limit {
             let profile = TrainProfile::new(&self.configuration.settings);
             return Err(DriveRefusal {
@@ -163,7 +167,8 @@ impl Procedure {
         now: Instant,
         profile: impl FnOnce(&mut EnergyDemand),
     ) -> Result<(), DriveRefusal> {
-        // Without data to check: the drive itself still enforces the limit.
+        // Without a known load there is nothing to check here: the drive itself still enforces the
+        // limit.
         let Some(load) = self.load_at(heat, hottest) else {
             return Ok(());
         };

@@ -18,8 +18,8 @@ use crate::event::Failure;
 use crate::link::Link;
 use crate::time::{Duration, between, in_seconds};
 
-/// Longest duration of a test: one that finds no coil raises its voltage for 0.21 s, 13 000 periods of
-/// the bridge (`Regulated::test` in sim-host); with a factor of two.
+/// Longest duration of a coil test, twice that of a test that finds no coil: it raises its voltage for
+/// 0.21 s, 13 000 periods of the bridge (`Regulated::test` in sim-host).
 const LONGEST_TEST: Duration = Duration::from_ticks(450_000);
 
 impl Procedure {
@@ -80,7 +80,8 @@ impl Procedure {
     /// Checks that a train, a test or a commanded current may start.
     pub(super) fn may_drive(&self) -> Result<(), Outcome> {
         self.phase.activity().ensure_free()?;
-        // The sensor's self-test ends before the coil's.
+        // A command may wait for the coil's test even during the sensor's self-test, which ends before
+        // the coil's test.
         let is_testing = matches!(self.coil, CoilTestState::Testing(_));
         if matches!(self.phase, Phase::SelfTest { .. }) && !is_testing {
             return Err(Outcome::Busy);
@@ -108,12 +109,13 @@ impl Procedure {
     /// Ends the test: the waiting command starts if it is still allowed.
     pub(super) fn coil_tested(&mut self, found: &CoilTest, out: &mut Out<'_>) {
         let CoilTestState::Testing(begun) = self.coil else {
-            // Result of a stopped test.
+            // This is the result of a test that was stopped, so it is ignored.
             return;
         };
         self.coil = CoilTestState::Tested;
         if let Phase::Settling(settling) = &mut self.phase {
-            // Its time counts from when it could end.
+            // The time limit for settling counts from the end of the coil's test, since settling could
+            // not end before.
             settling.began = out.now;
         }
         self.take_load(found, begun);

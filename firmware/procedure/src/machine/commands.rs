@@ -249,7 +249,7 @@ impl Procedure {
     pub(super) fn sense_anew(&mut self, out: &mut Out<'_>) {
         match &mut self.phase {
             Phase::Fault(_) | Phase::SelfTest { .. } => {}
-            // The announced points are sent first.
+            // The remaining points of the load's curve, whose number was announced, are sent first.
             Phase::Reporting { touched, .. } => *touched = None,
             _ => self.go(Phase::Baseline, out),
         }

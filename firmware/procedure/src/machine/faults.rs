@@ -19,7 +19,7 @@ impl Procedure {
     /// is queued behind it, and ends with its own cause or with the standing one.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
-        // The failed part may be the coil.
+        // The coil must be tested again, since it may be the failed part.
         self.coil = CoilTestState::None;
         if self.phase.activity().measures() {
             let code = failure.code.number();

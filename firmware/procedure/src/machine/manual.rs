@@ -14,7 +14,7 @@ use crate::link::Link;
 use crate::measurement::check_heat;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 
-/// Time limit from the PC's last message to the end of its commanded current.
+/// Longest silence of the PC while its commanded current flows; then the current ends with a fault.
 const SILENCE: Duration = Duration::from_ticks(100_000);
 
 impl Procedure {
@@ -48,7 +48,7 @@ impl Procedure {
             return Outcome::Accepted;
         }
         if let Phase::Manual(manual) = &mut self.phase {
-            // The link of the last command must stay alive.
+            // From here on, commands must keep arriving on the link of this command.
             manual.link = link;
             manual.last_received = out.now;
         } else {

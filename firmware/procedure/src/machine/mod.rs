@@ -28,20 +28,21 @@ use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use state::{Budget, CoilTestState, FlaggedSince, Phase, Storage, Waiting, is_of_readings};
 
-/// Longest time between two steps. Two tasks may deliver their events in another order than they read
-/// the clock, but differ by less than this.
+/// Longest time between two steps. The times of two steps may be in the wrong order by less than this:
+/// two tasks may deliver their events in another order than they read the clock.
 const TICK: Duration = Duration::from_ticks(10_000);
-/// Time between the checks of two items of the configuration: all items once per second.
+/// Time between the checks of two items of the configuration: each item is checked once per second.
 const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
 
-/// Longest start-up of a converter, without conversions. With four channels, the maximum, the drive of
-/// each is searched, and 280 registers are written, read back or compared in one transaction each. A
-/// transaction takes 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and wake-up take
-/// 3.5 ms.
+/// Longest start-up of a converter, during which there are no conversions. With four channels, the
+/// maximum, the drive of each is searched, and 280 registers are written, read back or compared, in one
+/// transaction each. A transaction takes at most 0.47 ms, after which it fails with a fault of its own:
+/// 132 ms in total. Reset and wake-up take 3.5 ms.
 const BRING_UP: Duration = Duration::from_ticks(140_000);
 
-/// Maximum number of queued faults: of two converters, bus, coil, thermometer, processor, configuration
-/// and storage, with one to spare.
+/// Capacity of the queue of faults behind the standing one. There are eight sources: two converters,
+/// bus, coil, thermometer, processor, configuration and storage. The fault of one of them stands, so one
+/// place is spare.
 const MOST_BEHIND: usize = 8;
 
 /// State machine of the instrument: events in, actions out.
@@ -68,7 +69,7 @@ pub struct Procedure {
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
-    /// Time of the first step, then of the last.
+    /// Time of the first step; the next field is the time of the last one.
     started: Option<Instant>,
     now: Instant,
     next_status: Instant,
@@ -217,7 +218,8 @@ impl Procedure {
             }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
-            // Any conversion proves that converter and bus work, not that the sensor does.
+            // This event follows any conversion, which proves that converter and bus work, but not that
+            // the sensor does: only good readings end such a fault.
             Event::Recovered(code) if is_of_readings(*code) => {}
             Event::Recovered(code) => self.recovered(*code, &mut out),
         }
@@ -383,7 +385,7 @@ impl Procedure {
             if !reading.is_good() {
                 return None;
             }
-            // Preceding flagged readings are part of the interval.
+            // The interval since the last good reading includes the flagged readings between.
             let last = evaluated.as_mut()?.get_mut(channel)?.replace(scan.middle);
             let interval = last.map_or(interval, |last| seconds(last, scan.middle));
             follower.push(reading, interval, square_a2, away_k, calibration)
@@ -535,7 +537,7 @@ impl Out<'_> {
 
     /// Switches the bridge off before all other actions.
     fn safe(&mut self) {
-        // In place: a copy of the actions would take two kilobytes of stack.
+        // The list is changed in place: a copy of the actions would take two kilobytes of stack.
         let keep = |action: &Action| !matches!(action, Action::SafeState | Action::Current(_));
         self.actions.retain(keep);
         if self.actions.is_full() {
@@ -546,7 +548,7 @@ impl Out<'_> {
         while let [before @ .., one, last] = rest {
             core::mem::swap(one, last);
             let kept = before.len() + 1;
-            // At most the length, so the slice exists.
+            // `kept` is at most the length, so the slice exists.
             rest = rest.get_mut(..kept).unwrap_or_default();
         }
     }

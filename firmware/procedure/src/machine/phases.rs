@@ -20,11 +20,13 @@ use crate::time::{Duration, Instant, between, in_seconds, seconds, span, togethe
 /// Number of consecutive good conversions that prove sensor, clock and bus.
 const SELF_TEST_CONVERSIONS: u8 = 10;
 
-/// Number of conversion periods without a conversion after which the sensor counts as silent, and the
-/// least time: the recovery of the bus may take 50 ms.
+/// The sensor counts as silent after this number of conversion periods without a conversion, but not
+/// before [`SILENT_S`].
 const SILENT_PERIODS: f32 = 10.0;
+/// Least time without a conversion, s, after which the sensor counts as silent: the recovery of the bus
+/// may take 50 ms.
 const SILENT_S: f32 = 0.05;
-/// Least silence, for the recovery of the bus.
+/// Silence below this is not evaluated further: the recovery of the bus may take 50 ms.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
 
 /// Returns the moment `ago` before another.
@@ -63,13 +65,14 @@ impl Procedure {
                 }
                 _ => {}
             },
-            // The object may have left while the coil was driven and contact was not checked.
+            // This may be the first sign of a release: the object may have left while the coil was
+            // driven and contact was not checked.
             Phase::Contact { .. } | Phase::Release { .. }
                 if deformation.is_some_and(|of| of.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
             }
-            // The announced points are sent to the end.
+            // The remaining points of the load's curve are still sent, since their number was announced.
             Phase::Reporting { touched, .. } if deformation.is_some_and(|of| of.is_untouched()) => {
                 *touched = None;
             }
@@ -96,7 +99,8 @@ impl Procedure {
                     self.progress(progress, out);
                 }
             }
-            // This converter is alive; that does not end the silence of the other one.
+            // A good conversion of the first converter ends only the fault of its own silence, not that
+            // of the second converter.
             Phase::Fault(standing)
                 if all_good
                     && standing.code == FaultCode::SensorSilent
@@ -128,8 +132,8 @@ impl Procedure {
     pub(super) fn begin_asked(&mut self, out: &mut Out<'_>) -> Outcome {
         match self.may_measure() {
             Ok(touched) => {
-                // A train that the coil cannot take at this time is unlikely to be possible a second
-                // later, when the press has settled.
+                // A train that the coil cannot take now is refused now: it is unlikely to be possible a
+                // second later, when the press has settled.
                 match self.may_take_train(out.now) {
                     Err(hindrance) if hindrance.wait_s.is_some() => self.hindered(&hindrance, out),
                     _ => self.begin_settling(touched, out),
@@ -198,7 +202,7 @@ impl Procedure {
             let (reading, limit) = (metres(moved.reading), metres(moved.limit));
             return self.refuse(Reason::new(RefusalReason::RestMoved, reading, limit), out);
         }
-        // As on the bench, where the temperature is measured before a train as well.
+        // The temperature is measured before the train, as at the calibration on the bench.
         let calibrated = match self.configuration.calibrated(self.temperature()) {
             Ok(calibrated) => calibrated,
             Err(kind) => {
@@ -243,7 +247,7 @@ impl Procedure {
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
-        // Used in place: it is the largest object, and the stack is small.
+        // The measurement is used in place: it is the largest object, and the stack is small.
         let Phase::Driving(measurement) = &mut self.phase else {
             return;
         };
@@ -325,7 +329,7 @@ impl Procedure {
         record.wait_s = wait_s;
         out.record(Record::Refusal(record));
         match since {
-            // The release was detected, and the baseline is learnt from there.
+            // The release was detected already, so the baseline is learnt from here on.
             Some(_) if reason.code == RefusalReason::ContactLost => self.go(Phase::Baseline, out),
             Some(since) => self.go(Phase::Release { since }, out),
             None => self.swept(None, out),

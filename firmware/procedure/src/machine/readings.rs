@@ -49,8 +49,8 @@ impl Procedure {
             }
         } else if let Some(failure) = failure {
             self.fail(failure, out);
-            // The drive may have been found while the sensor was pressed: it is searched again for the
-            // present state. If that helps, good readings end the fault.
+            // The converter's drive current may have been found while the sensor was pressed, so the
+            // converter searches for it again. If that helps, good readings end the fault.
             if failure.code == FaultCode::SensorAmplitude {
                 out.push(Action::SeekDrive {
                     sensor: scan.sensor & 1,

@@ -19,12 +19,12 @@ use crate::list::gathered;
 use crate::storage::{StorageFailure, StorageOrder, StorageReport};
 use crate::time::{Duration, between, in_seconds, seconds};
 
-/// Longest time of a storage operation. The largest save programs 70 KiB at 3 ms per page and erases 16
+/// Time limit of a storage operation. The largest save programs 70 KiB at 3 ms per page and erases 16
 /// sectors at 0.4 s (W25Q16JV datasheet, 9.6, maximum times): 7.3 s; before it the bridge must rest for
 /// 0.2 s.
 const LONGEST: Duration = Duration::from_ticks(15_000_000);
 
-/// Longest load at start-up: it only reads, which takes a tenth of this.
+/// Time limit of the load at start-up, which only reads and takes a tenth of this.
 const LONGEST_AT_START: Duration = Duration::from_ticks(1_000_000);
 
 impl Procedure {

@@ -42,9 +42,10 @@ struct LoadCurve {
     regressors: (f32, f32),
     /// Force in the middle of the ramps.
     middle: Newton,
-    /// Standard error of c_S/c_L from the calibration: it rotates the curve about its middle.
+    /// Standard error of c_S/c_L that the calibration causes: such an error rotates the curve about its
+    /// middle.
     of_calibration: f32,
-    /// Ratio of the noise to that of the fit.
+    /// Ratio of the noise that the scatter of the ramps shows to the noise that the fit assumes.
     scatter: f32,
     /// Number of points to report.
     points: u8,
@@ -80,7 +81,8 @@ impl Measurement {
         let uncorrected = uncorrected(&self.calibrated).budget(of_noise.value, &at);
         let uncorrected = uncorrected.force_scale + uncorrected.stiffening;
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
-        // One temperature causes both errors, so they add linearly.
+        // The same temperature difference causes the errors of springs and rise, so the two add
+        // linearly.
         let claim = temperature
             .widen(&calibration.widen(&of_noise, &at), &at)
             .with_uncertainty(uncorrected);
@@ -240,17 +242,19 @@ fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
     }
 }
 
-/// Bend that is always allowed, as a part of the slope's standard error: an ideal sensor's ramps bend by
-/// this amount, because conversions and current readings are averages.
+/// Bend of the ramps that is always allowed, as the relative standard uncertainty of the slope that it
+/// causes: an ideal sensor's ramps bend by this amount, because conversions and current readings are
+/// averages.
 const LEAST_MISFIT: f32 = 0.005;
 
-/// Multiple of the calibration's own bend that is not a misfit yet: vibration synchronous with the ramps
-/// bends each train differently, by up to the root of two of these.
+/// Multiple of the bend of the calibration's own trains that is still allowed: vibration synchronous
+/// with the ramps bends each train differently, by up to the square root of two of these.
 const OF_USUAL_BEND: f32 = 2.0;
 
-/// Adds the uncertainty of a bent line to the claim, or refuses if it exceeds all other uncertainties
-/// and the bend of the calibration's trains. `scatter` is the ratio of the noise to that of the fit,
-/// `usual` the bend of the calibration's trains.
+/// Adds the uncertainty that the bend of the ramps' line causes to the claim. Refuses a bend whose
+/// uncertainty exceeds all other uncertainties and what the bend of the calibration's trains would
+/// cause. `scatter` is the ratio of the noise that the ramps show to the noise of the fit, `usual` the
+/// bend of the calibration's trains.
 fn with_misfit(
     claim: LoadRatio,
     bend: Option<Bend>,
@@ -264,7 +268,7 @@ fn with_misfit(
     let misfit = of(Bend::significant_uncertainty);
     let allowed = LEAST_MISFIT.max(OF_USUAL_BEND * SLOPE_BY_BEND * usual);
     let limit = claim.standard_error.max(allowed * whole);
-    // NaN is refused as well.
+    // A misfit or limit of NaN is refused as well.
     if misfit.is_nan() || limit.is_nan() || misfit > limit {
         return Err(Reason::new(
             RefusalReason::Misfit,
@@ -335,8 +339,8 @@ fn uncertainties(
     }
 }
 
-/// Temperature range without a thermometer, degrees Celsius: from a cold workshop to a warm room of 30
-/// with the coil at its continuous power, 3.5 W through 8 K/W.
+/// Temperature range that is assumed without a thermometer, degrees Celsius: from a cold workshop to a
+/// warm room of 30 with the coil at its continuous power, 3.5 W through 8 K/W.
 const UNMEASURED_C: [f32; 2] = [0.0, 60.0];
 
 /// Returns the measurement's temperature minus the calibration's, K.
@@ -358,8 +362,9 @@ fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32
     }
 }
 
-/// Returns the uncertainty of uncorrected changes of springs and rise without a thermometer: uniform
-/// within limits, and 1.96 of the standard errors cover the whole range.
+/// Returns the uncertainty of springs and rise from their uncorrected change with temperature if there
+/// is no thermometer: the change is uniform within limits, and 1.96 of the standard errors cover the
+/// whole range.
 fn uncorrected(calibrated: &Calibrated) -> Calibration {
     let Calibrated {
         temperature_effect: Some(effect),
@@ -379,7 +384,8 @@ fn uncorrected(calibrated: &Calibrated) -> Calibration {
     }
 }
 
-/// Returns the uncertainty from the difference to the calibration's temperature.
+/// Returns the uncertainty of springs and rise from the difference between the measurement's and the
+/// calibration's temperature.
 fn of_temperature(calibrated: &Calibrated) -> Calibration {
     let Some(effect) = &calibrated.temperature_effect else {
         return Calibration::default();

@@ -23,13 +23,13 @@ pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
 use train::{Train, TrainProfile, TrainSegment};
 
-/// Largest tracking error of the current, as a part of the peak. A larger one means that the driven
-/// profile differs from the one of the stiffening calibration; 2 % of gain error and an amplifier's
-/// non-linearity (sim-host/stacks) are well within.
+/// Largest tracking error of the current, as a fraction of the peak current. A larger one means that the
+/// driven profile differs from the one of the stiffening calibration; 2 % of gain error and an
+/// amplifier's non-linearity (sim-host/stacks) are well within.
 const MAX_TRACKING_ERROR: f32 = 0.1;
 
-/// A measurement ends if more than one in this number of conversions is flagged or lost: that many
-/// errors have affected the others too.
+/// A measurement is refused if more than one conversion in this number is flagged or lost: so many
+/// errors have affected the other conversions too.
 const ONE_IN: u32 = 10;
 
 /// Reason for a missing estimate, with numbers whose meaning depends on the code.
@@ -77,18 +77,20 @@ pub(crate) struct Measurement {
 /// Zero of the deformation at the start of the train, with its uncertainty.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct ZeroAtTrain {
-    /// Creep of the sensing layer since the press, beyond that on the bench.
+    /// Creep of the sensing layer since the press, less the creep that the calibration on the bench
+    /// contains.
     creep: Metre,
     variance_m2: f32,
 }
 
-/// Longest time from press to train on a bench, s: the calibration contains the creep up to this time.
+/// Longest time from press to train at a calibration on a bench, s: the calibration contains the creep
+/// up to this time.
 const BENCH_S: f32 = 1.5;
 
-/// Relative creep of the sensing layer per e-fold of the deformation's age, and its standard
-/// uncertainty: three modes of 6 %, as a mean over the times from 0.05 to 1000 s
-/// (sim-host/stacks/disturbances.toml), with a range from zero to twice that.
+/// Relative creep of the sensing layer while the age of the deformation grows by a factor of e: three
+/// modes of 6 %, as a mean over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
 const CREEP: f32 = 0.018;
+/// Standard uncertainty of [`CREEP`], which ranges from zero to twice that value.
 const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 impl ZeroAtTrain {
@@ -186,7 +188,8 @@ impl TrainDrive {
             let setpoint = self.train.setpoint(scan.middle).unwrap_or(peak);
             return refused(RefusalReason::CurrentOffTarget, None, setpoint);
         };
-        // Only if the whole conversion was within the segment. A rise starts at the present current.
+        // The current is checked only if the whole conversion was within the segment, and not on a rise,
+        // which starts at the present current.
         let half = scan.window.as_ticks() / 2;
         let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
         if !self.train.has_begun(begins) || self.train.segment() == TrainSegment::Rise {

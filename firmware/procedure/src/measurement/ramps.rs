@@ -14,8 +14,8 @@ use crate::time::in_seconds;
 /// Sums over the whole train.
 #[derive(Clone, Debug)]
 pub(super) struct Ramps {
-    /// Level, slope, drifts and, last, a quadratic term: without it for the estimate, with it for the
-    /// load's curve.
+    /// Sums for level, slope, drifts and, last, a quadratic term: without it for the estimate, with it
+    /// for the load's curve.
     sums: Ramp,
     /// Number of unknowns of a single ramp, the first of the sums: level, slope and, if the settings
     /// allow a drift, a linear one; any slow drift is linear over a single ramp.
@@ -28,10 +28,10 @@ pub(super) struct Ramps {
     regressors: (f32, f32),
 }
 
-/// Ratio of the drift's time constant to the train's duration above which the drift is treated as a
-/// straight line. Creep of one per cent of the deformation then differs from a line by 1/8 of 1 % over
-/// this number's square, 1.4e-6 of the deformation, less than the noise of a train. At a ratio of a
-/// hundred the two cannot be distinguished, and every measurement would be refused as ill-conditioned.
+/// Ratio of the drift's time constant to the train's duration above which the drift is modelled as a
+/// straight line. At this ratio, creep of 1 % of the deformation differs from a line by 1 %/(8 * 30^2),
+/// 1.4e-6 of the deformation, less than the noise of a train. At a ratio of a hundred, exponential and
+/// line cannot be distinguished, and every measurement would be refused as ill-conditioned.
 const STRAIGHT: f32 = 30.0;
 
 /// Returns the drift model of the settings, for a press of age `since_touch` when the train started:
@@ -81,8 +81,8 @@ impl Ramps {
             None => Basis::new(&[level, slope, bend]),
             Some(DriftModel::Linear) => Basis::new(&[level, slope, straight, bend]),
             // Combines a curved drift with a straight one: rubber creeps while the coil's heat continues
-            // to change. One of them alone left ten times the noise (see the residuals in the demo's
-            // report).
+            // to change. With either of them alone, the residuals were ten times the noise (see the
+            // residuals in the demo's report).
             Some(drift) => Basis::new(&[level, slope, straight, Term::Drift(drift), bend]),
         };
         let sums = Ramp::new(reference, basis.ok()?);
@@ -136,7 +136,7 @@ impl Ramps {
         self.regressors = (low.min(sample.regressor), high.max(sample.regressor));
     }
 
-    /// Adds the finished ramp to the scatter, and starts the next.
+    /// Adds the estimate of the finished ramp to the scatter, and starts the next ramp.
     fn close_single(&mut self, next: u8) {
         let alone = self.sums.since(&self.single.1);
         let fit = alone.and_then(|alone| alone.fit_first(self.of_single, Noise::Residual));

@@ -19,7 +19,7 @@ pub(crate) struct TrainProfile {
     pub(crate) hold: Duration,
     pub(crate) fall: Duration,
     pub(crate) ramps: u8,
-    /// Half the conversion period.
+    /// Half the time from one conversion to the next.
     half_conversion: Duration,
 }
 
@@ -129,9 +129,9 @@ pub(crate) struct Train {
     interval: Duration,
 }
 
-/// Least time from the end of a conversion to the start of a segment that it triggers. On the emulated
-/// board the procedure receives a conversion 0.56 ms after its end, and a line sent at once started 0.25
-/// to 0.55 ms after that.
+/// Least time from the end of a conversion to the start of a segment that is sent after it. On the
+/// emulated board the procedure receives a conversion 0.56 ms after its end, and a line sent at once
+/// started 0.25 to 0.55 ms after that.
 const LEAD: Duration = Duration::from_ticks(1_500);
 
 /// Time from the start of the train to its first rise. Before sending the rise, the procedure forecasts
@@ -207,7 +207,7 @@ impl Train {
         let usual = self.profile.half_conversion.as_ticks() * 2;
         if let Some(last) = self.converted.replace(end) {
             let passed = between(last, end);
-            // Ignores a gap.
+            // The time over a gap is not an interval between two conversions.
             if passed.as_ticks() < usual + usual / 2 {
                 self.interval = passed;
             }
@@ -236,7 +236,8 @@ impl Train {
     /// depend on its last microsecond: 10 conversions of 0.9993 ms are just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<CurrentLine> {
         let ends = self.ends();
-        // Rise and ramp-down end by themselves: the next segment need not be sent ahead.
+        // Rise and ramp-down end by themselves at their final current, so the next segment need not be
+        // sent ahead.
         let at = match self.segment {
             TrainSegment::Hold | TrainSegment::Fall => self.next_begin(now),
             TrainSegment::Rise | TrainSegment::Down | TrainSegment::Done => now,

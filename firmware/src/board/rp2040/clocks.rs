@@ -18,29 +18,32 @@ use super::wait;
 
 const CRYSTAL_MHZ: u32 = 12;
 const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
-/// Typical frequency of the ring oscillator as the start-up code sets it (`code_in_memory`); 14 to 96
-/// MHz (2.17.1).
+/// Typical frequency of the ring oscillator, in MHz, as the start-up code sets it (`code_in_memory`); a
+/// chip may have 14 to 96 (2.17.1).
 const RING_MHZ: u32 = 52;
-/// ROSC.DIV: divide by 32 (2.17.8). The boot ROM runs from this clock after a watchdog reset and tries
-/// 128 times to read its second stage, which flash does not return during an erase. The tries last 554
-/// ms at the fastest ring frequency; an erase takes 400 ms at most
-/// (docs/decisions/0064-200-megahertz.md).
+/// Register ROSC.DIV: divide by 32 (2.17.8). After a watchdog reset the boot ROM runs from the ring
+/// oscillator and tries 128 times to read its second stage from flash, which returns nothing during an
+/// erase. So slow a clock makes the tries last 554 ms at the fastest ring frequency; an erase takes 400
+/// ms at most (docs/decisions/0064-200-megahertz.md).
 const RING_BY_32: u32 = 0xAA0;
-/// Time from setting the core voltage to switching to the clock that needs it. The SDK waits 1 ms.
+/// Time in microseconds from setting the core voltage to switching to the clock that needs it. The SDK
+/// waits 1 ms.
 const VOLTAGE_SETTLES_US: u32 = 1_500;
-/// BOD.VSEL: 1.032 V (2.12.8). The next level but one lies within the tolerance of regulator and
-/// detector.
+/// Field BOD.VSEL: brown-out detection at 1.032 V (2.12.8). Two levels higher, it would lie within the
+/// tolerances of regulator and detector.
 const BROWN_OUT: u8 = 0b1101;
-/// CLK_REF_SELECTED: one bit for the running source (2.15.7).
+/// Register CLK_REF_SELECTED, one bit per source (2.15.7): the ring oscillator runs.
 const REF_IS_RING: u32 = 1 << 0;
+/// Register CLK_REF_SELECTED: the crystal runs.
 const REF_IS_CRYSTAL: u32 = 1 << 2;
-/// CLK_SYS_SELECTED.
+/// Register CLK_SYS_SELECTED: the reference clock runs.
 const SYS_IS_REF: u32 = 1 << 0;
+/// Register CLK_SYS_SELECTED: the auxiliary source, the system PLL, runs.
 const SYS_IS_AUX: u32 = 1 << 1;
 
-/// 12 MHz * 100 / (6 * 1) = 200 MHz; VCO at 1200 MHz.
+/// PLL of the system: 12 MHz * 100 / (6 * 1) = 200 MHz; VCO at 1200 MHz.
 const SYSTEM: PLLConfig = pll(CORE_HZ, 6, 1);
-/// 12 MHz * 120 / (6 * 5) = 48 MHz; VCO at 1440 MHz.
+/// PLL of ADC and USB: 12 MHz * 120 / (6 * 5) = 48 MHz; VCO at 1440 MHz.
 const CONVERTER: PLLConfig = pll(48_000_000, 6, 5);
 
 /// Returns the PLL setting for an output frequency and its two post-dividers. An output that is not a
@@ -75,8 +78,8 @@ pub fn set_up(
         .and_then(|()| start_plls(resets, system, converter))
         .and_then(|()| distribute(clocks))
         .is_some();
-    // Without this tick no task could wait and no fault would be reported. Its microseconds are as
-    // accurate as the clock that it counts.
+    // Without the timer's tick no task could wait and no fault would be reported. The tick is as
+    // accurate as the clock from which it is divided.
     let mhz = if clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL {
         // SAFETY: nothing runs by the ring oscillator any more, and nothing else writes this register.
         unsafe { (*ROSC::ptr()).div().write(|w| w.bits(RING_BY_32)) };
@@ -132,7 +135,7 @@ fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Optio
     resets
         .reset()
         .modify(|_, w| w.pll_sys().clear_bit().pll_usb().clear_bit());
-    // The HAL also waits for this, without a time limit; it is done by then.
+    // The HAL also waits for the end of this reset, without a time limit; by then it has ended.
     within_time(|| {
         let done = resets.reset_done().read();
         done.pll_sys().bit_is_set() && done.pll_usb().bit_is_set()
@@ -158,7 +161,7 @@ fn start_pll(
     Some(())
 }
 
-/// Clocks processor and peripherals from the system PLL, ADC and USB from the other.
+/// Clocks processor and peripherals from the system PLL, and ADC and USB from the other PLL.
 fn distribute(clocks: &CLOCKS) -> Option<()> {
     clocks
         .clk_sys_ctrl()
@@ -176,8 +179,8 @@ fn distribute(clocks: &CLOCKS) -> Option<()> {
     Some(())
 }
 
-/// Outputs the divided processor clock on the CLKIN of both LDCs. If it is already set so, it continues
-/// without a gap. The duty cycle of an odd divisor is 50 % as well.
+/// Outputs the divided processor clock on the CLKIN of both LDCs. If this divisor is already set, the
+/// output continues without a gap. The duty cycle is 50 % for an odd divisor as well.
 #[allow(unsafe_code)]
 pub fn send_out(clocks: &rp2040_pac::clocks::RegisterBlock, divisor: u32) {
     let (control, division) = (clocks.clk_gpout0_ctrl(), clocks.clk_gpout0_div());

@@ -4,7 +4,8 @@
 #![allow(unsafe_code)]
 
 core::arch::global_asm!(
-    // Placed beside the code that calls it, in flash, so that it needs no copy.
+    // This code is placed beside the start-up code that calls it, in flash, so that it needs no copy
+    // itself.
     ".section .Reset, \"ax\", %progbits",
     ".global __pre_init",
     ".type __pre_init, %function",

@@ -23,35 +23,40 @@ const BASE: usize = 0x1000_0000;
 const CAPACITY: usize = 2 * 1024 * 1024;
 /// Size of the storage area at the end of flash, in bytes.
 pub const AREA: usize = 64 * 1024;
-/// Offset of that area from the start of flash.
+/// Offset of the storage area from the start of flash.
 const AREA_START: usize = CAPACITY - AREA;
 /// Erase unit, in bytes (W25Q16JV datasheet, 8.2.15).
 const SECTOR: usize = 4096;
 /// Program unit, in bytes (8.2.13).
 const PAGE: usize = 256;
-/// Size of a block that the ROM may erase at once, and its command (8.2.17). The area is erased sector
-/// by sector: a block erase takes longer than the storage may wait.
+/// Size of a block that the ROM may erase at once, in bytes. The area is erased sector by sector: a
+/// block erase takes longer than the storage may wait.
 const BLOCK: u32 = 64 * 1024;
+/// Command that erases such a block (8.2.17).
 const ERASE_BLOCK: u8 = 0xD8;
-/// Fast Read Quad I/O (8.2.11), and the mode bits after its address that let the next read omit the
-/// command.
+/// Command Fast Read Quad I/O (8.2.11).
 const FAST_READ: u32 = 0xEB;
+/// Mode bits after the address of [`FAST_READ`] that let the next read omit the command.
 const CONTINUOUS: u32 = 0xA0;
-/// CTRLR0 (RP2040 datasheet 4.10.13): a word of 32 bits comes in on four wires, after an address.
+/// Register CTRLR0 (RP2040 datasheet 4.10.13): after an address, a word of 32 bits comes in on four
+/// wires.
 const WORD_ON_FOUR_WIRES: u32 = 2 << 21 | 31 << 16 | 3 << 8;
-/// SPI_CTRLR0: four wait clocks, and 32 bits of address and mode on four wires after an 8-bit command on
-/// one wire.
+/// Register SPI_CTRLR0: an 8-bit command on one wire, 32 bits of address and mode on four wires, and
+/// four wait clocks.
 const WITH_COMMAND: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
-/// As [`WITH_COMMAND`], without a command and with these mode bits in each read.
+/// Register SPI_CTRLR0: as [`WITH_COMMAND`], without a command, and with the mode bits [`CONTINUOUS`] in
+/// each read.
 const WITHOUT_COMMAND: u32 = CONTINUOUS << 24 | 4 << 11 | 8 << 2 | 2;
-/// Processor clocks per flash clock, as the second stage sets it: 50 MHz; the flash allows 133 MHz
-/// (W25Q16JV datasheet 9.6).
+/// Processor clocks per flash clock, as the second stage sets it: the flash runs at 50 MHz and allows
+/// 133 MHz (W25Q16JV datasheet 9.6).
 const FLASH_DIVIDER: u32 = 4;
-/// Read Unique ID Number (8.2.27): the command, four dummy bytes, then the number.
+/// Command Read Unique ID Number (8.2.27).
 const READ_NUMBER: u8 = 0x4B;
+/// Bytes before the number: the command and four dummy bytes.
 const BEFORE_NUMBER: usize = 5;
+/// Bytes of the number.
 const NUMBER: usize = 8;
-/// Polls for a byte of an answer: 100 us at 200 MHz; a byte takes half a microsecond.
+/// Maximum number of polls for a byte of an answer: 100 us at 200 MHz; a byte takes half a microsecond.
 const POLLS: usize = 2_000;
 
 /// Runs `work` with flash in command mode.
@@ -130,7 +135,7 @@ fn read_on_four_wires() {
         }
     };
     set_up(WITH_COMMAND);
-    // Ten cycles: the controller sends only what is in its FIFO in time.
+    // Interrupts are off for these ten cycles: the controller sends only what is in its FIFO in time.
     cortex_m::interrupt::free(|_| {
         for word in [FAST_READ, CONTINUOUS] {
             // SAFETY: as above.
@@ -293,7 +298,7 @@ impl NorFlash for Area {
         while !rest.is_empty() {
             let from = at % PAGE;
             let (now, later) = rest.split_at(rest.len().min(PAGE - from));
-            // Bits that are not to change keep their value when ones are programmed.
+            // Bytes beyond the data are ones: programming a one leaves a bit as it is.
             let mut page = [0xFF; PAGE];
             for (slot, byte) in page.iter_mut().skip(from).zip(now) {
                 *slot = *byte;

@@ -29,37 +29,45 @@ use crate::board::rp2040::wait;
 use crate::board::safe;
 use timing::{CONTROL_SLICE, CYCLES};
 
-/// The slice that calls the interrupt and the bridge's, as a mask.
+/// Mask of the two PWM slices: the one that triggers the interrupt, and the bridge's.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
 /// Count of the control slice when the bridge's slice starts a period. The control slice wraps 10.25 us
-/// later: one conversion and a quarter of a microsecond after the middle.
+/// later: one conversion of 2 us and a quarter of a microsecond after the middle of the period.
 const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);
-/// Cycles for which tasks mask the interrupt for short work, including bus interrupts that may run
-/// meanwhile: a report takes 110, a waveform of 48 lines 800.
+/// Cycles for which a task masks the interrupt for short work, such as a report, which takes 110.
+/// Includes bus interrupts that may run meanwhile.
 const SHORT: u32 = 200;
+/// Cycles for which a task masks the interrupt for long work, such as a waveform of 48 lines, which
+/// takes 800. Includes bus interrupts that may run meanwhile.
 const LONG: u32 = 1_200;
-/// Number of attempts of a task to mask the interrupt: ten periods at twenty cycles each.
+/// Maximum number of attempts of a task to mask the interrupt: an attempt takes twenty cycles, so these
+/// take ten periods.
 const TRIES: u32 = 10 * CYCLES / 20;
+/// Register PWM.CSR: count up and down.
 const PHASE_CORRECT: u32 = 1 << 1;
-/// ADC.CS: enabled, temperature sensor on, free-running, round robin over inputs 0, 1, 2 and 4.
+/// Register ADC.CS: enabled, temperature sensor on, free-running, round robin over inputs 0, 1, 2 and 4.
 const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
-/// ADC.CS: enabled, temperature sensor on.
+/// Register ADC.CS: enabled, temperature sensor on.
 const POWERED: u32 = 1 | 1 << 1;
-/// ADC.FCS: FIFO on, DMA request while it holds at least one result (datasheet 4.9.2.5). With a
-/// threshold of 0 it would always request, and DMA would copy results that do not exist.
+/// Register ADC.FCS: FIFO on, DMA request while the FIFO holds at least one result (datasheet 4.9.2.5).
+/// With a threshold of 0 it would always request, and DMA would copy results that do not exist.
 const FIFO_TO_DMA: u32 = 1 | 1 << 3 | 1 << 24;
-/// ADC.FCS: the FIFO underflowed or overflowed. Both bits stay set until they are cleared.
+/// Register ADC.FCS: the FIFO underflowed or overflowed. Both bits stay set until they are cleared.
 const RESULTS_LOST: u32 = 1 << 10 | 1 << 11;
-/// DMA: enabled, half-words, write address wrapping in a ring of 16 bytes, paced by the ADC's FIFO.
+/// Control register of a DMA channel: enabled, half-words, write address wrapping in a ring of 16 bytes,
+/// paced by the ADC's FIFO.
 const CARRY: u32 = 1 | 1 << 2 | 1 << 5 | 4 << 6 | 1 << 10 | 36 << 15;
-/// Results until one channel hands over to the other: a multiple of the ring length; one hour.
+/// Number of results after which one DMA channel hands over to the other, about once an hour. It is a
+/// multiple of the ring length, so every result stays in its slot.
 const RESULTS: u32 = 0x6000_0000;
 
-/// Results per period.
+/// Number of ADC results per period, and of slots in the ring.
 const RING: usize = 8;
-/// Slots in the ring: two of the current, then one each of thermistor and supply.
+/// Slots in the ring of the two current samples of a period.
 const CURRENT: [usize; 2] = [0, 4];
+/// Slot in the ring of the thermistor's result.
 const THERMISTOR: usize = 5;
+/// Slot in the ring of the supply's result.
 const SUPPLY: usize = 6;
 
 #[repr(C, align(16))]
@@ -97,6 +105,7 @@ pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
 
 /// Supply result when the bridge last went off; [`NONE`] after it was taken.
 static SUPPLY_AT_OFF: AtomicU32 = AtomicU32::new(NONE);
+/// Content of [`SUPPLY_AT_OFF`] without a result.
 const NONE: u32 = u32::MAX;
 
 /// Takes the supply result of the moment at which the bridge went off; `None` on later calls.
@@ -134,7 +143,7 @@ fn begin() {
         set_up(dma.ch(1));
         dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
         set_up(dma.ch(0));
-        // At its end the other channel takes over.
+        // At the end of this channel's results the other channel takes over.
         let chained = CARRY | 1 << 11;
         dma.ch(0).ch_ctrl_trig().write(|w| w.bits(chained));
         let bridge = pwm.ch(pins::COIL_SLICE);
@@ -234,7 +243,8 @@ pub fn run(on: bool) {
 /// after the interrupt was triggered.
 pub fn last() -> LastPeriod {
     const AFTER_CALL_US: u32 = 2;
-    // Anything that ran between reading the two clocks would shift the window by its run time.
+    // Reads the timer and the control slice's count together: anything that ran between the two reads
+    // would shift the window by its run time.
     let read = || {
         cortex_m::interrupt::free(|_| {
             // SAFETY: a register is read.
@@ -275,9 +285,11 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     // No other task runs meanwhile, so none unmasks the interrupt during the work.
     critical_section::with(|_| {
         let latest = CYCLES - cycles;
-        // Succeeds within a period: the interrupt takes less time than these cycles leave of it.
+        // One of the attempts succeeds within a period: the interrupt takes less than the part of a
+        // period in which `cycles` are left before it.
         let _ = (0..TRIES).any(|_| mask_before(latest));
-        // A late level is better than an order that is never applied.
+        // Masks in any case: an interrupt that writes its level late is better than an order that is
+        // never applied.
         NVIC::mask(Interrupt::PWM_IRQ_WRAP);
         cortex_m::asm::dsb();
         // SAFETY: see `ControlCell`.

@@ -13,13 +13,14 @@ use rp2040_pac::{Interrupt, PWM};
 
 use super::timing::{CONTROL_SLICE, CYCLES};
 
-/// Cycles from the check in [`must_wait`] to the end of the bus engine's work: to start a transaction.
+/// Cycles from the check in [`must_wait`] until the bus engine has started a transaction.
 pub const TO_BEGIN: u32 = 360;
-/// As [`TO_BEGIN`], to move the bytes of a frame.
+/// Cycles from the check in [`must_wait`] until the bus engine has moved the bytes of a frame.
 pub const TO_SERVE: u32 = 400;
 
-/// Cycles after which the coil's interrupt has called [`begin`] or is still pending: its entry, and the
-/// time of a bus interrupt, entered just before, up to its check.
+/// Cycles after the control slice's wrap by which the coil's interrupt has called [`begin`] or is still
+/// pending: the time of its entry, and of a bus interrupt, entered just before, up to that interrupt's
+/// check.
 const BEGUN: u32 = 140;
 const CONTROL: Interrupt = Interrupt::PWM_IRQ_WRAP;
 
@@ -47,10 +48,10 @@ pub fn begin() {
 /// Records that the levels are written.
 #[inline(always)]
 pub fn end() {
-    // The levels go to a register, and a bus interrupt may follow at once.
+    // The levels must be written first: a bus interrupt may follow the next store at once.
     compiler_fence(Ordering::SeqCst);
     IS_BUSY.store(false, Ordering::Relaxed);
-    // In this order: a check from here on does not wait.
+    // Read only after `IS_BUSY` is cleared: a check of the bus engine that comes later does not wait.
     if IS_AWAITED.load(Ordering::Relaxed) {
         release();
     }
@@ -59,7 +60,7 @@ pub fn end() {
 #[inline(never)]
 fn release() {
     IS_AWAITED.store(false, Ordering::Relaxed);
-    // Before the interrupt can wait again.
+    // The flag is cleared before the bus interrupt is unmasked, after which it can wait again.
     compiler_fence(Ordering::SeqCst);
     // SAFETY: it was enabled: it always is, but while it waits.
     unsafe { NVIC::unmask(Interrupt::I2C0_IRQ) };
