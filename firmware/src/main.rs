@@ -73,7 +73,8 @@ mod app {
         safe::bridge_off();
         let boot = crash::boot();
         let board = Board::init(cx.device);
-        // At the priority of the upper tasks: a higher one would delay the coil's interrupt.
+        // The timer's interrupt has the priority of the upper tasks: a higher one would delay the coil's
+        // interrupt.
         Mono::start(board.timer, &board.resets, const { Priority::new(2) });
         vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
         let [first, second] = cx.local.queues.each_mut().map(Queue::split);
@@ -115,7 +116,7 @@ mod app {
         (shared, local)
     }
 
-    /// Runs only when no task is ready: a flash erase takes up to 0.4 s.
+    /// Runs only when no task is ready, since a flash erase takes up to 0.4 s.
     #[idle(local = [storage])]
     fn idle(cx: idle::Context) -> ! {
         loop {

@@ -12,7 +12,7 @@ use rtt_target::UpChannel;
 
 use super::up_channel::write_whole;
 
-/// Bytes of the longest message that is sent.
+/// Bytes of the longest log message that is sent.
 const LONGEST: usize = 128;
 
 struct Log {

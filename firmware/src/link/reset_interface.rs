@@ -15,10 +15,10 @@ use usb_device::control::{Recipient, Request, RequestType};
 const VENDOR_SPECIFIC: u8 = 0xFF;
 const SUBCLASS: u8 = 0x00;
 const PROTOCOL: u8 = 0x01;
-/// Request to start the boot loader. Its options, which drives to offer and which pin to use as a light,
-/// are ignored: it offers all.
+/// USB request to start the boot loader. The options of the request, which drives to offer and which pin
+/// to use as a light, are ignored: the boot loader offers all drives.
 const TO_BOOT_LOADER: u8 = 0x01;
-/// Request to restart the firmware.
+/// USB request to restart the firmware.
 const TO_FIRMWARE: u8 = 0x02;
 
 /// Number of the requested target; 0 for none.
@@ -29,7 +29,7 @@ pub fn ask(target: RebootTarget) {
     ASKED.store(target.number(), Ordering::Relaxed);
 }
 
-/// Takes the target requested since the last call. For one task.
+/// Takes the target requested since the last call. Only one task may call it.
 pub fn take_asked() -> Option<RebootTarget> {
     match ASKED.load(Ordering::Relaxed) {
         0 => None,

@@ -12,12 +12,13 @@ use usbd_serial::CdcAcmClass;
 use super::reset_interface::ResetInterface;
 use crate::board::usb::{self, Bus, Sent};
 
-/// Product id for tests and prototypes (pid.codes, 1209:0001), until the project has its own.
+/// USB vendor and product id for tests and prototypes (pid.codes, 1209:0001), until the project has its
+/// own.
 const VENDOR_AND_PRODUCT: UsbVidPid = UsbVidPid(0x1209, 0x0001);
 /// Upper limit of the current, in mA, that a Pico at 200 MHz with its converters takes from the cable;
 /// the coil has its own supply.
 const GREATEST_CURRENT_MA: usize = 100;
-/// The largest packet of a bulk endpoint at full speed (USB 2.0, 5.8.3).
+/// Size in bytes of the largest packet of a bulk endpoint at full speed (USB 2.0, 5.8.3).
 const PACKET: usize = 64;
 /// Bytes of records that can wait for the PC: a twentieth of a second of the fullest stream, more than
 /// the 30 ms for which an operating system may not poll a port.
@@ -33,7 +34,7 @@ pub struct Memory {
     commands: Queue<u8, COMMANDS>,
 }
 
-/// Hexadecimal digits of the flash memory's unique number.
+/// Number of hexadecimal digits in the serial number, which is the flash memory's unique number.
 const SERIAL_NUMBER: usize = 16;
 
 impl Memory {
@@ -55,7 +56,7 @@ impl ByteSource for UsbCommands {
     fn read(&mut self) -> Option<u8> {
         let byte = self.0.dequeue();
         if byte.is_some() {
-            // Packets that had no space may be received again.
+            // Bytes were taken from the queue, so packets that had no space may be received again.
             usb::unmask_packet_interrupt();
         }
         byte
@@ -146,7 +147,7 @@ impl OnBus {
         }
     }
 
-    /// Sends waiting records; at the end of a frame they wait for the start of the next.
+    /// Sends waiting records; at the end of a USB frame they wait for the start of the next frame.
     fn send(&mut self, records: &mut FrameReceiver<'static>) {
         let Self { device, serial, .. } = self;
         device.bus().before_end_of_frame(|| {
@@ -183,7 +184,7 @@ fn receive(serial: &mut CdcAcmClass<'static, Bus>, commands: &mut Producer<'stat
             return;
         };
         for &byte in packet.iter().take(length) {
-            // There is space for every byte.
+            // The loop has checked that there is space for a whole packet.
             let _ = commands.enqueue(byte);
         }
     }

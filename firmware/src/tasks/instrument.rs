@@ -28,10 +28,10 @@ use crate::supervision::CHECK_INS;
 use crate::wakeup::Sleeper;
 use crate::{Mono, app};
 
-/// Number of samples of a converter processed before everything else gets a turn.
+/// Maximum number of samples of a converter that are processed before everything else gets a turn.
 const AT_ONCE: usize = 4;
-/// Time in which the converters must wake, identify themselves and show what releases their interrupt
-/// lines; an absent one is known after 5 ms.
+/// Time in milliseconds in which the converters must wake, identify themselves and show what releases
+/// their interrupt lines; an absent one is known after 5 ms.
 const IDENTITY_MS: u64 = 60;
 
 /// Queues and links of the task.
@@ -243,7 +243,7 @@ where
     }
 
     fn order(&mut self, order: StorageOrder) {
-        // The storage has reported its last order, so there is space.
+        // The queue has space, since the storage has reported the end of its last order.
         let _ = self.orders.enqueue(order);
     }
 

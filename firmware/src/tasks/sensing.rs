@@ -16,7 +16,7 @@ use crate::supervision::CHECK_INS;
 use crate::wakeup::SAMPLES;
 use crate::{Mono, app};
 
-/// Longest wait without a check-in: half of the supervisor's period.
+/// Longest wait without a check-in, in microseconds: half of the supervisor's period.
 const SLICE_US: u32 = 5_000;
 
 /// Resources of a converter's task.

@@ -43,13 +43,14 @@ impl StorageWork {
     /// flash.
     #[inline(always)]
     pub fn is_due(&self) -> bool {
-        // In this order: there is rarely an order, and the space check needs a division.
+        // The checks are in this order because there is rarely an order, and the space check needs a
+        // division.
         (self.orders.ready() || self.task.is_going())
             && self.reports.len() < self.reports.capacity()
     }
 }
 
-/// Works until there is no order and no report left, or no space for a report.
+/// Works until there is no order left and no report to make, or no space for a report.
 // This function is in flash (build.rs), the idle task is not: nothing may delay its sleep.
 #[inline(never)]
 pub fn storage(work: &mut StorageWork) {

@@ -8,15 +8,16 @@ use crate::board::pins;
 use crate::supervision::{CHECK_INS, PERIOD_MS};
 use crate::{Mono, app, crash};
 
-/// Number of polls between two changes of the LED: it blinks once a second.
+/// Number of the supervisor's polls between two changes of the LED, which so blinks once a second.
 const BLINK: u32 = 50;
-/// Number of polls after which a crash does not continue a streak: 10 s.
+/// Number of polls after which the run has lasted, so that a later crash does not continue a streak: 10
+/// s.
 const LASTED: u32 = 1_000;
 
-/// Number of polls between two changes of the flickering LED: ten times a second.
+/// Number of polls between two changes of the LED while it flickers, ten times a second.
 const FLICKER: u32 = 5;
 
-/// Number of polls for which the LED still flickers, to identify this board.
+/// Remaining number of polls for which the LED flickers to identify this board.
 static LOCATED: AtomicU32 = AtomicU32::new(0);
 
 /// Lets the LED flicker for `for_us` microseconds.

@@ -11,10 +11,10 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::Error;
 use crate::item::{Item, KEY, Key, WORK};
 
-/// Number of bytes read at a time to check whether a sector is erased.
+/// Number of bytes that are read at a time to check whether a sector is erased.
 const POLL: usize = 256;
 
-/// Minimum number of sectors of a slot: the map always keeps one erased.
+/// Minimum number of sectors of a slot: the map (sequential-storage) always keeps one of them erased.
 const LEAST_SECTORS: u32 = 2;
 
 /// One half of the area. A save goes to the slot that does not hold the stored set.
@@ -46,7 +46,8 @@ pub(crate) struct Area<S> {
 }
 
 impl<S: NorFlash> Area<S> {
-    /// Bytes of a sector; checks that sector, read block and word size divide each other.
+    /// Size of a sector in bytes. Its computation checks that sector, read block and word size divide
+    /// each other.
     const SECTOR: u32 = {
         assert!(POLL.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(POLL));
         S::ERASE_SIZE as u32
@@ -84,7 +85,7 @@ impl<S: NorFlash> Area<S> {
     /// sectors wear equally.
     fn map(&mut self, slot: Slot, generation: u32) -> Result<Map<'_, S>, Error<S::Error>> {
         let start = self.start_of(slot);
-        // Every other generation goes to this slot.
+        // Half the generation, since only every other generation goes to this slot.
         let turn = (generation / 2).checked_rem(self.sectors).unwrap_or(0);
         let window = Window {
             flash: &mut self.flash,
@@ -105,7 +106,8 @@ impl<S: NorFlash> Area<S> {
         slot: Slot,
         show: &mut dyn FnMut(u32, Item) -> bool,
     ) -> Result<bool, Error<S::Error>> {
-        // The map finds its first sector at any position.
+        // Rotated by 0 instead of by the slot's generation, which is not known yet: the map finds its
+        // first sector at any position.
         let mut map = self.map(slot, 0)?;
         let mut work = [0; WORK];
         let mut items = match map.fetch_all_items(&mut work).await {
@@ -144,7 +146,8 @@ impl<S: NorFlash> Area<S> {
                 value: WindowError::Flash(error),
                 ..
             } => Error::Flash(error),
-            // The map erases when a slot is full, and its search for space does not end in garbage.
+            // The map wants to erase when a slot is full, and its search for space does not end in
+            // garbage; both mean that there is no space.
             MapError::Storage { .. } | MapError::FullStorage | MapError::ItemTooBig => Error::Full,
             _ => Error::NotKept,
         })
@@ -202,10 +205,11 @@ struct Window<'a, S> {
     /// Start address of the slot, and its size.
     start: u32,
     size: u32,
-    /// Offset of the window's address 0 in the slot.
+    /// Offset in the slot of the window's address 0: the rotation of the map.
     turn: u32,
-    /// Remaining number of reads: four for each word. The map reads each word of its own items once or
-    /// twice; in garbage that resembles items, a search for space restarts at most of them.
+    /// Remaining number of reads, at first four for each word of the slot. The map reads each word of
+    /// its own items once or twice; in garbage that resembles items, a search for space restarts at most
+    /// words.
     reads_left: u32,
 }
 

@@ -4,10 +4,10 @@ use heapless::Vec;
 use palpate_wire::crc32;
 use sequential_storage::map::{self, SerializationError};
 
-/// Bytes of a key.
+/// Size of a key in bytes: kind number, place and index.
 pub(crate) const KEY: usize = 3;
 
-/// Bytes before an item's payload: key, version and generation.
+/// Number of bytes before an item's payload: key, version and generation.
 const HEAD: usize = KEY + 1 + 4;
 
 /// Maximum size of an item in bytes, in every version of the format: a [batch](crate::reader) stores it
@@ -33,7 +33,7 @@ pub(crate) struct Key {
 }
 
 impl Key {
-    /// Key after all items.
+    /// A key that is after those of all items.
     pub(crate) const LAST: Self = Self {
         number: u8::MAX,
         place: u8::MAX,
@@ -65,9 +65,9 @@ impl map::Key for Key {
         Ok(KEY)
     }
 
-    /// Returns 0 as the length, so that the map returns the key within the value. The map takes the
-    /// value from after the key, and panics if an item in flash is shorter than the key; so
-    /// [`Item::read`] splits the key off.
+    /// Returns 0 as the key's length, so that the map returns the key as part of the value. Otherwise
+    /// the map would take the value from after the key, and panic if an item in flash is shorter than a
+    /// key; so [`Item::read`] splits the key off.
     fn deserialize_from(buffer: &[u8]) -> Result<(Self, usize), SerializationError> {
         let key = buffer.first_chunk::<KEY>();
         let key = key.ok_or(SerializationError::BufferTooSmall)?;
@@ -130,7 +130,7 @@ impl Item {
 fn concatenated<const N: usize>(parts: [&[u8]; 4]) -> Vec<u8, N> {
     let mut all = Vec::new();
     for part in parts {
-        // `collect` would panic if they did not fit.
+        // Not `collect`, which would panic if the parts did not fit.
         let _ = all.extend_from_slice(part);
     }
     all

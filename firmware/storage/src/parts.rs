@@ -61,7 +61,7 @@ macro_rules! parts {
     };
 }
 
-/// Index in the key; a chunk has that of its first knot, counted from 1.
+/// Index in a part's key: 0 for a whole part; for a chunk that of its first knot, counted from 1.
 macro_rules! index {
     (whole, $of:ident) => {
         0
@@ -101,6 +101,7 @@ parts! {
     9, 1, whole SetTemperatureEffect(TemperatureEffect), _of => ONLY;
     10, 1, whole SetCurrentCorrection(CurrentCorrection), _of => ONLY;
     11, 1, whole SetTemperatureCoefficients(TemperatureCoefficients), _of => ONLY;
-    // Last, since it is checked against all others, including those of later versions.
+    // The identity is last, since it is checked against all other parts, including those of later
+    // versions.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;
 }

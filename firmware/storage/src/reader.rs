@@ -9,19 +9,19 @@ use crate::item::{Item, MAX_ITEM};
 use crate::scan::Located;
 use crate::seal::SealCopy;
 
-/// Buffer size in bytes for items of one pass over a slot: the map's own iterator cannot be kept between
-/// calls, and each item would need a separate pass. A set of 2 KiB takes five passes; the buffer must
-/// hold the longest item.
+/// Size in bytes of the buffer for the items that one pass over a slot collects. The map's own iterator
+/// cannot be kept between calls, and without a buffer each item would need a separate pass. A set of 2
+/// KiB takes five passes; the buffer must hold the longest item.
 const BATCH: usize = 512;
 
 /// Reader of a set's items in the order of their keys.
 #[derive(Debug)]
 pub(crate) struct Reader {
-    /// Number of items already passed.
+    /// Number of items already passed by the reader.
     passed: u16,
     /// Offset of the next item in the batch.
     at: usize,
-    /// Items with their generation, each preceded by its size in one byte.
+    /// Items of the last pass with their generation, each preceded by its size in one byte.
     batch: Vec<u8, BATCH>,
 }
 
@@ -102,7 +102,7 @@ fn push(batch: &mut Vec<u8, BATCH>, generation: u32, item: &Item) -> bool {
     if batch.len() + 1 + bytes.len() > batch.capacity() {
         return false;
     }
-    // It fits, and the size of an item fits into one byte.
+    // The space was checked above, and the size of an item fits into one byte.
     let _ = batch.push(bytes.len() as u8);
     batch.extend_from_slice(&bytes).is_ok()
 }

@@ -44,8 +44,8 @@ impl<S: NorFlash> Store<S> {
 
     /// Adds a command: settings first, then the parts in the order of
     /// [`configuration_crc`](palpate_wire::configuration_crc). Writes nothing as long as all items equal
-    /// the stored ones. At the first difference it erases the sectors of the last save but one and
-    /// writes all items so far.
+    /// the stored ones. At the first difference it erases the sectors of the save before the stored one,
+    /// and writes all items so far.
     ///
     /// # Errors
     ///
@@ -152,7 +152,8 @@ impl<S: NorFlash> Store<S> {
             .await
         {
             Err(Error::Flash(error)) => Err(Error::Flash(error)),
-            // The other slot may be damaged or full; two copies are written.
+            // A copy that does not fit into the other slot, which may be damaged or full, is omitted:
+            // two copies are in the save's own slot.
             _ => Ok(()),
         }
     }
@@ -182,8 +183,8 @@ impl<S: NorFlash> Store<S> {
         Ok(())
     }
 
-    /// Starts writing, since the new set differs from the stored one from here on. Writes their common
-    /// items first.
+    /// Starts writing, since the new set differs from the stored one from the next item on. Writes the
+    /// items that both have in common first.
     async fn write_from_here(&mut self) -> Result<(), Error<S::Error>> {
         let save = self.save.as_mut().ok_or(Error::NotBegun)?;
         if core::mem::replace(&mut save.is_writing, true) {

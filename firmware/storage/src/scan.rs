@@ -12,14 +12,15 @@ use crate::{Contents, Error, Set, knows};
 pub(crate) struct Scan {
     /// The map cannot read the slot to its end.
     is_unreadable: bool,
-    /// Latest generation of its items; 0 without items.
+    /// Latest generation of the slot's items; 0 without items.
     generation: u32,
-    /// Items of that generation: their number, and the number that this firmware does not know.
+    /// Number of items of that generation; the next field is the number of those that this firmware does
+    /// not know.
     items: u16,
     unknown: u16,
-    /// CRC-32 over the items.
+    /// CRC-32 over the items of that generation.
     digest: u32,
-    /// Seal after the items.
+    /// Seal of this slot's save, after its items.
     seal: Option<Seal>,
     /// Copy of the other slot's seal.
     seal_of_other_slot: Option<Seal>,
@@ -170,7 +171,8 @@ impl Survey {
             is_interrupted: begun > sealed,
             stored: newest,
             older,
-            // The whole set remains until the save has ended.
+            // The next save goes to the slot without the whole set, which remains until the save has
+            // ended.
             target: match newest {
                 Some(set) => set.slot.other(),
                 None => newest_slot,

@@ -7,7 +7,7 @@ use crate::item::{Item, Key};
 /// Kind number of a seal; all other items have at most 240.
 pub(crate) const NUMBER: u8 = 255;
 
-/// Version of a set's format: of its seal, and of the order of its items in the checksum.
+/// Version of a set's format: the layout of its seal, and the order of its items in the checksum.
 const VERSION: u8 = 1;
 
 /// Copy of a seal.
@@ -27,7 +27,7 @@ impl SealCopy {
         }
     }
 
-    /// Returns the copy that a key stands for. `None` if it is not a seal's.
+    /// Returns which copy of a seal has this key. `None` if it is not the key of a seal.
     pub(crate) const fn of(key: Key) -> Option<Self> {
         match (key.number, key.place) {
             (NUMBER, place @ 0..=1) => Some(Self::Own(place)),

@@ -5,7 +5,7 @@ use palpate_wire::command::Settings;
 use crate::item::{Item, Key};
 use crate::payload;
 
-/// Kind number of a setting.
+/// Kind number of every setting's item.
 pub(crate) const NUMBER: u8 = 1;
 
 /// Defines the storage of each field: its number, its layout version and its name. A number is never
@@ -17,7 +17,7 @@ macro_rules! fields {
 
         /// Returns a field as an item; `None` for a number without a field.
         pub(crate) fn item(settings: &Settings, number: u8) -> Option<Item> {
-            // A field that is missing in the table does not compile.
+            // Names all fields, so a field that is missing in the table does not compile.
             let Settings { $($field),+ } = settings;
             let (version, payload) = match number {
                 $($number => ($version, payload::write($field)),)+

@@ -154,7 +154,7 @@ impl<S: NorFlash> Store<S> {
         let is_empty = self.survey.contents == Contents::Empty;
         self.area.clear(target).await?;
         if !is_empty {
-            // An empty set replaces the stored one atomically.
+            // Saves an empty set, which replaces the stored one atomically.
             let erased = self.next_generation()?;
             let nothing = Sum {
                 erased,

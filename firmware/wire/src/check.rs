@@ -15,7 +15,7 @@ pub(crate) struct FieldLimits {
 }
 
 impl FieldLimits {
-    /// For a whole payload, which is no single field.
+    /// Limits of a whole payload, which is no single field and has none.
     const NONE: Self = Self::new(0, &Range::NONE);
 
     /// Returns the number and the limits of a field.
@@ -85,7 +85,7 @@ impl Checker {
 macro_rules! number {
     ($($number:ident)+) => {$(
         impl Check for $number {
-            // One call per field; inlined, the check of commands takes a third more code.
+            // Not inlined, so a call per field: inlined, the check of commands takes a third more code.
             #[inline(never)]
             fn check(&self, limits: &'static FieldLimits, checker: &mut Checker) {
                 checker.number(f64::from(*self), limits);

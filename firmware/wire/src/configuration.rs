@@ -42,7 +42,7 @@ impl ConfigurationCrc {
     pub fn add(&mut self, command: &Command) {
         let mut buffer = [0; Command::MAX_PAYLOAD];
         self.0.update(&[command.kind()]);
-        // Every payload fits.
+        // The buffer holds every payload.
         self.0
             .update(payload(command, &mut buffer).unwrap_or_default());
     }

@@ -29,8 +29,8 @@ impl fmt::Display for BufferTooSmall {
 
 impl core::error::Error for BufferTooSmall {}
 
-/// Encodes a frame and returns the filled part of the buffer. Takes one pass over the message and no
-/// further memory.
+/// Encodes a frame and returns the filled part of the buffer. Takes one pass over the message, and no
+/// memory besides the buffer.
 ///
 /// ```
 /// use palpate_wire::{Command, Header, Message, encode};
@@ -63,9 +63,9 @@ pub fn encode_vec<M: Message, const N: usize>(
 
 /// Returns the length of the frame; `None` if the buffer is too small.
 fn fill<M: Message>(header: &Header, message: &M, buffer: &mut [u8]) -> Option<usize> {
-    // `stuff` relies on this.
+    // `stuff` relies on a frame without distances above [`LONGEST_RUN`].
     const { assert!(M::MAX_FRAME <= LONGEST_RUN) };
-    // After the position of the first distance.
+    // Writes after the first byte, which becomes the first distance of COBS.
     let mut to = writer(buffer.get_mut(1..)?);
     (VERSION, message.kind(), header).serialize(&mut to).ok()?;
     message.write(&mut to).ok()?;
@@ -96,8 +96,8 @@ fn writer(buffer: &mut [u8]) -> Writer<'_> {
     }
 }
 
-/// Largest distance that COBS stores in one byte. A frame of at most this length needs no further bytes
-/// within it.
+/// Largest distance in bytes that COBS stores in one byte. A frame of at most this length needs no
+/// further distances.
 const LONGEST_RUN: usize = 254;
 
 /// Applies COBS in place: the first byte and every zero become the distance to the next zero; the last
@@ -120,8 +120,8 @@ fn stuff(frame: &mut [u8]) {
 /// Numbers the frames of one sender.
 ///
 /// Stamp every frame that is produced, and count every stamped frame that is not sent as dropped, so
-/// that the receiver's account is exact. Without space, drop the newest frame and not a waiting one,
-/// whose successors already carry their count.
+/// that the receiver's account is exact. If there is no space, drop the newest frame and not a waiting
+/// one: the frames after a waiting one already carry the count of dropped frames.
 ///
 /// ```
 /// use palpate_wire::Sequencer;
@@ -183,7 +183,7 @@ impl Sequencer {
         self.dropped = self.dropped.wrapping_add(1);
     }
 
-    /// Addresses the following commands to another boot; the numbers continue.
+    /// Addresses the following commands to another boot id; the numbers of the frames continue.
     pub const fn address(&mut self, boot_id: u32) {
         self.boot_id = boot_id;
     }

@@ -24,7 +24,7 @@ impl Copy for Header {}
 impl Eq for Header {}
 
 impl Header {
-    /// Addressee of a command for any boot.
+    /// Boot id of a command that is addressed to any boot of a device.
     pub const ANY_BOOT: u32 = 0;
 }
 
@@ -39,10 +39,10 @@ pub struct Frame<M> {
     pub message: M,
 }
 
-/// Number of bytes of version and kind.
+/// Number of bytes that version and kind take at the start of a frame.
 pub(crate) const PREFIX: usize = 2;
 
-/// Number of bytes of the CRC-32.
+/// Number of bytes that the CRC-32 takes at the end of a frame.
 pub(crate) const CHECKSUM: usize = 4;
 
 /// Maximum number of bytes before the payload: version, kind and header.

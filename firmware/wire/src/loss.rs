@@ -9,7 +9,8 @@
 
 use crate::Header;
 
-/// Number of frames within which a late frame is distinguished from a repeated one.
+/// Number of last frames for which the account knows whether each was received, so that a late frame is
+/// distinguished from a repeated one.
 const WINDOW: u32 = 128;
 
 /// Classification of a received frame.
@@ -41,13 +42,14 @@ pub enum Arrival {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tally {
     boot_id: u32,
-    /// Numbers of the first frame, and of the one after the last, extended beyond 32 bits.
+    /// Number of the first received frame; the next field is the number after that of the last one. Both
+    /// are extended beyond 32 bits.
     first: u64,
     next: u64,
     received: u64,
     duplicates: u64,
     stale: u64,
-    /// Dropped count in the last frame, and its rise since the first.
+    /// Dropped count in the last frame; the next field is its rise since the first frame.
     dropped_at_last: u32,
     dropped: u64,
     /// Bit n: frame `next - 1 - n` was received.
@@ -71,13 +73,14 @@ impl Tally {
     }
 
     fn take(&mut self, header: &Header) -> Arrival {
-        // Lower 32 bits of `next`: the expected number.
+        // The number of the expected frame is the lower 32 bits of `next`.
         let expected = self.next as u32;
         let ahead = header.sequence.wrapping_sub(expected);
         if ahead <= u32::MAX / 2 {
             return self.take_ahead(ahead, header.dropped);
         }
-        // 1 for the last received frame, 2 for the one before it.
+        // How far the frame is behind the expected one: 1 for the last received frame, 2 for the one
+        // before it.
         let behind = expected.wrapping_sub(header.sequence);
         let after_first = self.next - self.first;
         if behind > WINDOW || u64::from(behind) > after_first {

@@ -103,7 +103,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// For a field that is not a quantity.
+    /// Range of a field that is not a quantity.
     pub const NONE: Self = Self {
         unit: "",
         low: f32::NEG_INFINITY,
@@ -165,7 +165,8 @@ impl<const N: usize> Described for String<N> {
     };
 }
 
-/// Converts a capacity that takes one byte on the wire; evaluated at compile time only.
+/// Converts the capacity of a list or text, whose length takes one byte on the wire; evaluated at
+/// compile time only.
 const fn capacity(length: usize) -> u8 {
     assert!(length < 128, "a list's length has to fit one byte");
     length as u8
@@ -254,7 +255,8 @@ impl CodeTable {
 
 const fn absorb(mut digest: Digest, text: &str) -> Digest {
     digest.update(text.as_bytes());
-    // No name contains a zero byte, so different descriptions never give the same bytes.
+    // A zero byte ends each name. No name contains one, so different descriptions never give the same
+    // bytes.
     digest.update(&[0]);
     digest
 }

@@ -22,8 +22,8 @@ pub const MINOR_VERSION: u8 = 5;
 
 /// Hash of the layout of all frames, sent in [`Hello`](crate::record::Hello).
 ///
-/// CRC-32 over all names, types, units and numbers of the [`schema`](crate::schema). It detects two builds of the
-/// same version with different layouts.
+/// It is the CRC-32 over all names, types, units and numbers of the [`schema`](crate::schema). It
+/// detects two builds of the same version with different layouts.
 pub const SCHEMA_HASH: u32 = schema_hash();
 
 const fn schema_hash() -> u32 {

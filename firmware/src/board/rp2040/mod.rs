@@ -23,7 +23,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use palpate_node::board::CORE_HZ;
 
-/// Polls in 10 ms at the processor's full clock, at twelve cycles each.
+/// Number of polls in 10 ms at the processor's full clock; a poll takes twelve cycles.
 const POLLS: u32 = CORE_HZ / 100 / 12;
 
 /// Polls a condition for 10 ms at most, longer before the clocks are up; returns whether it held.
@@ -59,11 +59,12 @@ impl Count {
     }
 }
 
-/// Time for which the processor slept, in microseconds; wraps. The idle task counts it without a lock:
-/// other tasks would have to wait for one.
+/// Time for which the processor slept, in microseconds; wraps. The idle task counts it without a lock,
+/// for which other tasks would have to wait.
 pub static ASLEEP_US: Count = Count::new();
 
-/// Sleeps until an interrupt comes and counts the time; the interrupt runs after the counting.
+/// Sleeps until an interrupt comes, and counts the time; the interrupt's handler runs after the
+/// counting.
 #[allow(unsafe_code)]
 pub fn sleep() {
     // SAFETY: reading the raw timer has no effect on it.

@@ -49,7 +49,8 @@ pub const IN2: usize = 17;
 pub const BRIDGE_ENABLE: usize = 18;
 /// Fault output of the H-bridge: low on a fault.
 pub const BRIDGE_FAULT: usize = 19;
-/// Current limit of the H-bridge: low reduces it, for its test.
+/// Output that selects the current limit of the H-bridge: low reduces the limit, for the test of the
+/// limit.
 pub const BRIDGE_LIMIT: usize = 20;
 /// Clock of the converters.
 pub const CLKIN: usize = 21;
@@ -62,13 +63,15 @@ pub const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 /// slice 1; slices 3 and 4 count the edges of INTB.
 pub const COIL_SLICE: usize = 0;
 
-/// PADS: input on, Schmitt trigger, 4 mA.
+/// Pad register PADS: input on, Schmitt trigger, 4 mA.
 pub(super) const INPUT: u32 = 1 << 6 | 1 << 1 | 1 << 4;
+/// Pad register PADS: pull-up.
 pub(super) const PULL_UP: u32 = 1 << 3;
+/// Pad register PADS: pull-down.
 const PULL_DOWN: u32 = 1 << 2;
-/// PADS: output driver off, input off, for analogue use.
+/// Pad register PADS: output driver off, input off, for analogue use.
 pub(super) const ANALOGUE_PAD: u32 = 1 << 7;
-/// PWM CSR: count falling edges of input B.
+/// Register PWM.CSR: count falling edges of input B.
 const COUNT_FALLING: u32 = 3 << 4 | 1;
 
 /// Function of a pin (datasheet 2.19.2).
@@ -94,7 +97,8 @@ fn sio() -> &'static rp2040_pac::sio::RegisterBlock {
     unsafe { &*SIO::ptr() }
 }
 
-/// Highest pin number. All numbers here are at most this; the check lets the compiler omit a panic path.
+/// Highest pin number. All pin numbers in this file are at most this; limiting them to it lets the
+/// compiler omit a panic path.
 const LAST_PIN: usize = 29;
 
 /// Selects the function of a pin.
@@ -189,7 +193,7 @@ pub(super) fn set_up_converter_pins() {
     }
 }
 
-/// Sets the clock of the converters. If it is already set so, it continues without a gap.
+/// Sets the clock of the converters. If this clock is already set, it continues without a gap.
 pub fn set_clkin(clkin: Clkin) {
     // SAFETY: CLK_GPOUT0 is used for nothing else.
     let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };

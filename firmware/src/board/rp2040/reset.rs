@@ -8,10 +8,10 @@ use rp2040_pac::{PSM, TIMER, VREG_AND_CHIP_RESET, WATCHDOG};
 
 use crate::supervision::WATCHDOG_US;
 
-/// Value of a watchdog scratch register, which keeps its value in a watchdog reset: this firmware
-/// started the watchdog.
+/// Mark in a watchdog scratch register that this firmware started the watchdog; the register keeps its
+/// value in a watchdog reset.
 const OWN_WATCHDOG: u32 = 0x5061_6C70;
-/// Blocks that a watchdog reset resets: all except the two oscillators.
+/// Mask of the blocks that a watchdog reset resets: all except the two oscillators.
 const ALL_STAGES: u32 = 0x1_FFFC;
 
 /// Reads the reset flags and makes a watchdog reset reset all blocks. Call it once, before interrupts
@@ -50,9 +50,8 @@ pub fn uptime_ms() -> u32 {
 pub fn restart_into_boot_loader() -> ! {
     // SAFETY: the last thing that this run does.
     let mark = unsafe { &*WATCHDOG::ptr() }.scratch0();
-    // The boot loader starts the new image through the watchdog; that reset is not one of this
-    // firmware's.
-    // SAFETY: any word may be kept there.
+    // Clears the mark: the boot loader starts the new image through the watchdog, and that reset is not
+    // one of this firmware's.
     mark.write(|w| unsafe { w.bits(0) });
     rp2040_hal::rom_data::reset_to_usb_boot(0, 0)
 }

@@ -19,7 +19,8 @@ pub fn bridge_off() {
     unsafe {
         let pins = 1 << pins::BRIDGE_ENABLE | 1 << pins::IN1 | 1 << pins::IN2;
         (*SIO::ptr()).gpio_out_clr().write(|w| w.bits(pins));
-        // While it is in reset, as at start-up, no block controls the pins.
+        // The pin functions below are left alone while their block is in reset, as at start-up: no block
+        // then controls the pins.
         if (*RESETS::ptr())
             .reset_done()
             .read()

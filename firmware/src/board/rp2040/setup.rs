@@ -42,7 +42,7 @@ impl Board {
     pub fn init(device: Peripherals) -> Self {
         let mut resets = device.RESETS;
         let mut regulator = device.VREG_AND_CHIP_RESET;
-        // Resets blocks that another program may have left in any state.
+        // These blocks are reset since another program may have left them in any state.
         resets.reset().modify(|_, w| {
             w.io_bank0().set_bit();
             w.pads_bank0().set_bit();
@@ -72,7 +72,8 @@ impl Board {
         output(BRIDGE_ENABLE, false);
         output(IN1, false);
         output(IN2, false);
-        // After a pad reset their digital inputs are enabled (erratum RP2040-E6).
+        // After a reset of the pads the digital inputs of the analogue pins are enabled (erratum
+        // RP2040-E6).
         for pin in ANALOGUE {
             set_pad(pin, ANALOGUE_PAD);
         }
@@ -100,7 +101,7 @@ impl Board {
             None
         };
         Self {
-            // Without clocks the coil stays off: its PWM period would be undefined.
+            // Without all clocks the coil stays off: its PWM period would be undefined.
             supervisor: if clocks_run { coil::start() } else { None },
             clocks_run,
             timer: device.TIMER,

@@ -35,7 +35,7 @@ pub fn set_up(
 ) -> Option<UsbBusAllocator<Bus>> {
     resets.reset().modify(|_, w| w.usbctrl().set_bit());
     resets.reset().modify(|_, w| w.usbctrl().clear_bit());
-    // The HAL also waits for this, without a time limit; it is done by then.
+    // The HAL also waits for the end of this reset, without a time limit; by then it has ended.
     if !wait(|| resets.reset_done().read().usbctrl().bit_is_set()) {
         return None;
     }
@@ -50,9 +50,9 @@ pub fn call() {
     NVIC::pend(INTERRUPT);
 }
 
-/// Keeps packets from triggering the interrupt while received packets wait for space. The start of a
-/// frame still does: without it the end of a frame would be unknown, and everything else would wait as
-/// well.
+/// Keeps packets from triggering the USB interrupt while received packets wait for space. The start of a
+/// frame still triggers it: without that the end of a frame would be unknown, and everything else would
+/// wait as well.
 pub fn mask_packet_interrupt() {
     interrupts().modify(|_, w| w.buff_status().clear_bit());
 }
@@ -72,15 +72,17 @@ fn interrupts() -> &'static rp2040_pac::usbctrl_regs::INTE {
 const LONGEST_DATA: u16 = 128;
 /// Setup packet of an undefined type (USB 2.0 table 9-2), which every class refuses.
 const REFUSED: [u8; 8] = [0x60, 0, 0, 0, 0, 0, 0, 0];
-/// First two bytes of the requests after which packets start with DATA0 (USB 2.0 9.1.1.5).
+/// First two bytes of a request after which packets start with DATA0 (USB 2.0 9.1.1.5).
 const SET_CONFIGURATION: [u8; 2] = [0x00, 9];
+/// First two bytes of the other request after which packets start with DATA0.
 const SET_INTERFACE: [u8; 2] = [0x01, 11];
+/// First two bytes of the request that sets the device's address.
 const SET_ADDRESS: [u8; 2] = [0x00, 5];
-/// Cycles from writing a buffer's control word to setting AVAILABLE: a period of 48 MHz is five of 200
-/// MHz, and the datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
+/// Cycles to wait from writing a buffer's control word to setting its bit AVAILABLE: a period of the 48
+/// MHz clock is five cycles at 200 MHz, which the datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
 const SETTLING: u32 = 12;
-/// Cycles of the longest transaction of endpoint 0: token, 64 bytes with bit stuffing, handshake and the
-/// gaps between are 710 bits at 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us at 200 MHz.
+/// Cycles that the longest transaction of endpoint 0 takes: token, 64 bytes with bit stuffing, handshake
+/// and the gaps between are 710 bits at 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us.
 const LONGEST_TRANSACTION: u32 = 12_000;
 
 /// Time in microseconds within which a frame starts, if the host sends frames.
@@ -276,7 +278,7 @@ impl Bus {
                 .write(|w| w.ep0_in().clear_bit_by_one());
         }
         control.is_waiting = false;
-        // A buffer that waits for the other PID drops a packet and stays armed.
+        // A buffer that waits for the other data PID (DATA0 or DATA1) drops a packet and stays armed.
         let has_dropped = has_dropped_packet();
         control.has_data_before = has_data(OUT_0) || was_armed && (has_come || has_dropped);
     }
@@ -288,14 +290,16 @@ impl Bus {
         let control = memory.ep_buffer_control(word);
         let was_armed = is_armed(word);
         disarm(word);
-        // The driver inverts the bit when it arms the buffer.
+        // For a buffer that is not armed the opposite PID is set, since the driver inverts the bit when
+        // it arms the buffer.
         control.modify(|_, w| w.pid_0().bit(!was_armed));
         if was_armed {
             cortex_m::asm::delay(SETTLING);
             let make_available = || control.modify(|_, w| w.available_0().set_bit());
             let since_us = now_us();
             while self.before_end_of_frame(make_available).is_none() {
-                // Without frames the host does not request the packet.
+                // Without frames the host does not request the packet, so it may be made available at
+                // any time.
                 if now_us().wrapping_sub(since_us) > LONGEST_WAIT_US {
                     make_available();
                     break;
@@ -333,8 +337,9 @@ impl Bus {
     }
 }
 
-/// Control words of endpoint 0 among those of the buffers.
+/// Index of the control word of endpoint 0's IN buffer.
 const IN_0: usize = 0;
+/// Index of the control word of endpoint 0's OUT buffer.
 const OUT_0: usize = 1;
 
 /// Returns the index of the control word of an endpoint's buffer.
@@ -423,7 +428,8 @@ fn withdraw_buffer() -> bool {
     // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the register
     // that is set is cleared.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
-    // The flag decides: the controller's write to the word is lost if it came during the withdrawal.
+    // The flag in BUFF_STATUS decides: the controller's write to the control word is lost if it came
+    // during the withdrawal.
     let has_come = registers.buff_status().read().ep0_out().bit_is_set();
     registers
         .buff_status()
@@ -449,7 +455,7 @@ fn take_later_setup(read: &mut [u8; 8]) {
     let low = memory.setup_packet_low().read().bits();
     let high = memory.setup_packet_high().read().bits();
     let later = u64::from(high) << 32 | u64::from(low);
-    // A packet that arrived after that has its flag, and is handled later.
+    // A setup packet that arrived after that copy has its flag, and is handled later.
     if u64::from_le_bytes(*read) == later || setup_waits() {
         return;
     }

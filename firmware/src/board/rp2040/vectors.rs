@@ -11,12 +11,12 @@ use rp2040_pac::Interrupt;
 use super::control;
 use super::i2c::engine;
 
-/// Number of vectors: those of the processor and of the 32 interrupts.
+/// Number of vectors in the table: those of the processor itself and of the 32 interrupts.
 const VECTORS: usize = 48;
 /// Number of the processor's own vectors.
 const EXCEPTIONS: usize = 16;
-/// Priority of the control interrupt, the second of four: below the bus interrupts, which wait for it
-/// where they can (`control::precedence`), and above all tasks of RTIC.
+/// Priority of the control interrupt, the second of four: below the bus interrupts, which defer their
+/// work for it where they can (`control::precedence`), and above all tasks of RTIC.
 const CONTROL_PRIORITY: u8 = 0x40;
 /// Address at which the linker places the table in flash.
 const FLASH: *const usize = 0x1000_0100 as *const usize;
@@ -72,7 +72,8 @@ const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
 /// Masks every other enabled interrupt; returns which were enabled.
 #[inline(never)]
 fn mask() -> u32 {
-    // With all interrupts disabled, an interrupt that was just masked cannot still be taken.
+    // All interrupts are disabled while some are masked: an interrupt that was just masked cannot be
+    // taken after that.
     cortex_m::interrupt::free(|_| {
         // SAFETY: masking interrupts cannot break anybody's assumptions.
         let nvic = unsafe { &*NVIC::PTR };
@@ -88,7 +89,8 @@ fn mask() -> u32 {
 
 /// Unmasks the interrupts that were enabled before [`mask`].
 fn unmask(enabled: u32) {
-    // The compiler does not relate a write to the NVIC to the data that the section protects.
+    // Needed because the compiler does not relate a write to the NVIC to the data that the critical
+    // section protects.
     compiler_fence(Ordering::SeqCst);
     // SAFETY: these were enabled when the section began.
     let nvic = unsafe { &*NVIC::PTR };

@@ -8,9 +8,10 @@ use crate::validation::{Invalid, inconsistent};
 /// Maximum number of points of a correction.
 pub const MAX_POINTS: usize = 17;
 
-/// Largest change, as a part of the current plus an offset in ampere: larger than the errors of the
-/// parts of a working measurement.
+/// Largest correction as a fraction of the current; [`GREATEST_A`] is added to it. Both are larger than
+/// the errors that the parts of a working measurement cause.
 const GREATEST_PART: f32 = 0.1;
+/// Part of the largest correction that does not depend on the current, A.
 const GREATEST_A: f32 = 0.4;
 
 structure! {

@@ -22,39 +22,44 @@ use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 use crate::board::pins;
 use crate::board::rp2040::control::precedence::{self, TO_BEGIN, TO_SERVE};
 
-/// Number of commands of the longest frame: per register pointer, high byte and low byte.
+/// Number of commands of the longest frame, three per register: pointer, high byte and low byte.
 const MAX_COMMANDS: usize = MOST_FRAME_BYTES / 2 * 3;
-/// Number of bytes of the longest frame, in whole words.
+/// Size in bytes of a buffer for the longest frame, in whole words.
 const MAX_BYTES: usize = MOST_FRAME_BYTES.next_multiple_of(4);
 /// Number of frames that can wait for their reader.
 const FRAMES: usize = 4;
 
-/// Bit of a command: read a byte.
+/// Bit of a command to the I2C block: read a byte.
 pub const READ: u16 = 1 << 8;
-/// Bit of a command: send STOP after the byte.
+/// Bit of a command to the I2C block: send STOP after the byte.
 pub const STOP: u16 = 1 << 9;
 
-/// Depth of the block's queues (RP2040 datasheet 4.3.2).
+/// Depth of the I2C block's two queues (RP2040 datasheet 4.3.2).
 const DEPTH: usize = 16;
+/// Interrupt bit of the I2C block: the queue of commands has space.
 const TX_EMPTY: u32 = 1 << 4;
+/// Interrupt bit of the I2C block: received bytes wait.
 const RX_FULL: u32 = 1 << 2;
+/// Interrupt bit of the I2C block: the transaction was aborted.
 const TX_ABORT: u32 = 1 << 6;
+/// Interrupt bit of the I2C block: a STOP was sent.
 const STOP_DETECTED: u32 = 1 << 9;
-/// In TX_ABRT_SOURCE: arbitration lost; no STOP follows.
+/// Bit of register TX_ABRT_SOURCE: arbitration lost; no STOP follows.
 const ARBITRATION: u32 = 1 << 12;
-/// In the cause of an outcome: the transaction was aborted.
+/// Bit of an outcome's `cause`, added by the engine: the transaction was aborted.
 const IS_ABORTED: u32 = 1 << 31;
 
-/// Time per byte: nine clock periods of 6.25 us, at 160 kHz. It allows slow edges: at the 400 kHz
-/// setting, a rise time of 3 us gives 182 kHz.
+/// Time in microseconds that the limit allows per byte: nine clock periods of 6.25 us, at 160 kHz. It
+/// allows slow edges: at the 400 kHz setting, a rise time of 3 us gives 182 kHz.
 const BYTE_US: u32 = 57;
-/// Additional time for a master and its interrupts.
+/// Time in microseconds that the limit allows in addition, for the master and its interrupts.
 const MARGIN_US: u32 = 200;
-/// Limit of the time of any transaction.
+/// Upper bound of the time limit of any transaction, in microseconds.
 const LONGEST_US: u32 = 5_000;
 
-/// Returns the time limit from the transaction's own start; it is checked every millisecond. A register
-/// takes three commands and five bytes on the wire: address, pointer, address, and two data bytes.
+/// Returns the time limit of a transaction in microseconds, from its own start; it is checked every
+/// millisecond. A register takes three commands and five bytes on the wire: address, pointer, address,
+/// and two data bytes.
 pub const fn deadline_us(commands: usize) -> u32 {
     let bytes = commands as u32 * 5 / 3 + 2;
     let deadline_us = bytes * BYTE_US + MARGIN_US;
@@ -178,7 +183,7 @@ pub struct TransferOutcome {
     pub stamp: Stamp,
     /// End time of each part of the frame.
     pub ended_us: [u32; MOST_PARTS],
-    /// Reason for the abort, as the block's own bits; 0 if it was not aborted.
+    /// Reason for the abort, as the bits of TX_ABRT_SOURCE; 0 if the transaction was not aborted.
     pub cause: u32,
 }
 
@@ -240,10 +245,10 @@ struct Reader {
     is_on: bool,
     /// An edge came while the bus was in use: `late`.
     is_late: bool,
-    /// Next part of the frame, and its first command; 0 before the frame has started.
+    /// Next part of the frame; the next field is its first command, 0 before the frame has started.
     part: usize,
     next: usize,
-    /// Index in `frames` of the oldest, and the number that wait.
+    /// Index of the oldest waiting frame in `frames`; the next field is the number of waiting frames.
     first: usize,
     waiting: usize,
     last_edge_us: u32,
@@ -269,8 +274,8 @@ impl Reader {
         frames: [TransferOutcome::NONE; FRAMES],
     };
 
-    /// Returns whether its frame can continue or start. A frame starts only if `is_known` says whether
-    /// its edge is known.
+    /// Returns whether the converter's frame can be next on the bus. `is_known` selects frames whose
+    /// edge is known, or else those without a known edge; a frame that has started counts as known.
     #[inline(always)]
     fn can_begin(&self, is_known: bool) -> bool {
         if self.next > 0 {
@@ -312,7 +317,8 @@ impl Reader {
     fn pass_over(&mut self) {
         let slot = self.slot();
         if let Some(outcome) = self.frames.get_mut(slot) {
-            // Marks every part as never read: so long after its edge that no frame is in time.
+            // Marks every part as never read by an end time so long after the edge that no frame with it
+            // is in time.
             let never_us = outcome.stamp.time_us.wrapping_sub(1);
             *outcome = TransferOutcome {
                 stamp: outcome.stamp,
@@ -365,7 +371,8 @@ impl Reader {
 #[repr(C)]
 struct Engine {
     runs: Runs,
-    /// Next command, end of the transaction's commands, and number of bytes read by then.
+    /// Next command of the running transaction; the next fields are the end of its commands, and the
+    /// number of bytes read when it ends.
     next: usize,
     end: usize,
     bytes: u8,
@@ -462,7 +469,7 @@ impl Transfer<'_> {
     fn drain(&mut self) {
         let waiting = i2c().ic_rxflr().read().bits() as usize;
         let begin = usize::from(self.outcome.count);
-        // The block never receives more than was requested, so there is space.
+        // There is space for all waiting bytes, since the block never receives more than was requested.
         let end = (begin + waiting).min(MAX_BYTES);
         for slot in self.outcome.bytes.get_mut(begin..end).unwrap_or_default() {
             *slot = i2c().ic_data_cmd().read().bits() as u8;
@@ -513,7 +520,7 @@ impl Engine {
         if address != before {
             set_target(address);
         }
-        // The STOP of an earlier, aborted transaction may have come meanwhile.
+        // Clears the flag of a STOP that an earlier, aborted transaction may have sent meanwhile.
         let _ = i2c().ic_clr_stop_det().read().bits();
         transfer.feed(room());
         self.address = address;
@@ -847,7 +854,7 @@ pub fn take_single<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T
 /// edge.
 #[inline(never)]
 pub fn read_on_edges(converter: usize, job: &Job, latest_us: [u32; MOST_PARTS]) {
-    // An edge needs no frame if the converter has been read since.
+    // If INTB is high, the converter has been read since its last edge, which then needs no frame.
     let is_low = !pins::is_high(pins::intb(converter));
     with_reader(converter, |reader| {
         reader.job = *job;
@@ -901,7 +908,7 @@ fn release_frame(converter: usize) {
         reader.waiting = reader.waiting.saturating_sub(1);
         was_full
     });
-    // The next frame may have waited for space.
+    // A frame may have waited for the space that this one leaves.
     if was_full == Some(true) {
         call();
     }
@@ -922,8 +929,8 @@ pub fn last_edge_us(converter: usize) -> u32 {
     with_reader(converter, |reader| reader.last_edge_us).unwrap_or_default()
 }
 
-/// Treats a low INTB without a known edge as an edge at the current time. An edge can be missed during
-/// recovery of the bus.
+/// Treats a low INTB whose edge was not seen as an edge at the current time. An edge can be missed
+/// during recovery of the bus.
 #[inline(never)]
 pub fn begin_without_edge(converter: usize) {
     with(|engine| {

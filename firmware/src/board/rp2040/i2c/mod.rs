@@ -26,12 +26,13 @@ const DATA: u32 = 1 << 3;
 /// TX_ABRT_SOURCE: arbitration lost to another master or to a wire that is held low.
 const ARBITRATION: u32 = 1 << 12;
 
-/// Longest wait of a transaction for the bus: ten times its longest run time.
+/// Longest time in microseconds for which a transaction waits for the bus: ten times the longest run
+/// time of one.
 const LONGEST_WAIT_US: u32 = 50_000;
 
 /// I2C addresses of the converters.
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
-/// The waiting task of each converter.
+/// Task of each converter, which checks in while it waits for the bus.
 const TASKS: [Task; CONVERTERS] = [Task::Sensing, Task::SecondSensing];
 
 /// Signals the end of a converter's transaction.
@@ -52,7 +53,8 @@ pub fn wake() {
     }
 }
 
-/// Called every millisecond: checks the time limit of the running transaction.
+/// Called every millisecond: wakes the tasks that wait for the bus, which check the time limit of the
+/// running transaction.
 pub fn pulse() {
     for wakeup in SINGLE.iter().chain(&FRAME) {
         wakeup.pulse();
@@ -235,7 +237,7 @@ impl EdgeReader for Edges {
                 }
                 let edge_us = engine::last_edge_us(self.converter);
                 let is_low = !pins::is_high(pins::intb(self.converter));
-                // Not directly after the last frame: other transactions get their turn.
+                // Not directly after the last frame, so that other transactions get their turn.
                 let rests = passed_us(edge_us) <= self.deadline_us
                     || passed_us(asked_us) <= self.deadline_us;
                 if is_low && !rests {

@@ -11,18 +11,20 @@ use super::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
 use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
 
-/// In the cause of a transaction that exceeded its time limit: the bus was freed. The block does not use
-/// these bits.
+/// Bit of an outcome's `cause` for a transaction that exceeded its time limit: the bus was freed. The
+/// block itself does not use this bit or the two that follow.
 pub const FREED: u32 = 1 << 20;
-/// As [`FREED`]: SDA is stuck low.
+/// Bit of an outcome's `cause`, as [`FREED`]: SDA is stuck low.
 pub const DATA_STUCK: u32 = 1 << 21;
-/// As [`FREED`]: SCL is stuck low.
+/// Bit of an outcome's `cause`, as [`FREED`]: SCL is stuck low.
 pub const CLOCK_STUCK: u32 = 1 << 22;
 
-/// Half a period of the recovery pulses: 100 kHz.
+/// Half a period of the SCL pulses that free the bus, in cycles: 100 kHz.
 const HALF_PULSE: u32 = cycles(5_000);
+/// Largest number of these pulses: a target interrupted within a byte releases SDA after nine clocks at
+/// most.
 const PULSES: u32 = 9;
-/// Longest settling time of a wire.
+/// Longest settling time of a wire of the bus, in cycles: 20 us.
 const SETTLE: u32 = cycles(20_000);
 
 /// Sets the block up from reset, without a target address.
