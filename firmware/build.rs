@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rustc-link-arg-examples={argument}");
     }
     println!("cargo:rerun-if-changed=build.rs");
-    // Log levels that defmt compiles in.
+    // The variable DEFMT_LOG selects the log levels that defmt compiles in.
     println!("cargo:rerun-if-env-changed=DEFMT_LOG");
     let commit = git(&["rev-parse", "--short=8", "HEAD"]);
     let dirty =

@@ -121,7 +121,7 @@ pub fn cut_off(bits: u8) {
     command(READ | RESTART);
     command(READ | STOP);
     let begin = now_us();
-    // 2.5 us per bit.
+    // A bit on the bus takes 2.5 us.
     while now_us().wrapping_sub(begin) < u32::from(bits) * 5 / 2 {}
     set_up();
 }

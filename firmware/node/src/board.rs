@@ -120,7 +120,8 @@ pub const HARDWARE: Hardware = Hardware {
     greatest_count: 4095,
     diode_v: 0.8,
     decay: Decay::Fast,
-    // Twice the 1 ms of drivers of external transistors (DRV8704, SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
+    // Wake-up time of the bridge: twice the 1 ms that drivers of external transistors take (DRV8704,
+    // SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
     wake_s: 2e-3,
     reduced_limit_a: Some(2.0),
 };

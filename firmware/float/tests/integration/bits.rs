@@ -31,7 +31,8 @@ fn check(a: u32, b: u32) {
     }
 }
 
-/// Numbers at which the algorithm changes: ends of the ranges, powers of two and their neighbours.
+/// Returns the numbers at which the algorithms change: ends of the ranges, powers of two, and the
+/// neighbours of these.
 fn edges() -> Vec<u32> {
     let mut edges = vec![0x7F80_0001, 0x7FFF_FFFF];
     for exponent in [
@@ -72,9 +73,10 @@ fn millions_of_random_bits() {
     for _ in 0..3_000_000 {
         let (a, b) = (random(&mut state), random(&mut state));
         check(a, b);
-        // Close operands: differences cancel and quotients are near one.
+        // Second operand close to the first: the leading bits of a difference cancel, and a quotient is
+        // near one.
         check(a, a ^ (b >> (8 + (b & 15))));
-        // Operands of similar magnitude: all bits of both count.
+        // Two operands of similar magnitude: all bits of both affect a sum.
         check(a & 0x83FF_FFFF | 0x3C00_0000, b & 0x83FF_FFFF | 0x3C00_0000);
     }
 }

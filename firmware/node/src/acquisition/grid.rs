@@ -81,7 +81,7 @@ pub struct Sampled {
     pub missed: u32,
     /// The time between the previous scan and this one is unknown.
     pub gap: bool,
-    /// Generation of the setpoint of its conversion; see
+    /// Generation of the setpoint with which the scan was converted; see
     /// [`ConverterState::is_current`](crate::converter::ConverterState::is_current).
     pub generation: u32,
 }

@@ -111,7 +111,7 @@ pub trait CoilHardware {
     /// Returns the last slow readings.
     fn slow_readings(&self) -> SlowReadings;
 
-    /// Takes the supply reading at the moment when the bridge went off; `None` on later calls.
+    /// Takes the supply reading of the moment at which the bridge went off; `None` on later calls.
     fn take_supply_at_off(&mut self) -> Option<u16>;
 
     /// Returns the energy words that the previous run left; arbitrary words after a loss of power.

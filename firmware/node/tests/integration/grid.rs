@@ -38,7 +38,7 @@ impl Bus {
         }
     }
 
-    /// Ends a scan after an interval, and reads its frame after a delay.
+    /// Ends a scan `interval_us` after the previous one, and reads its frame `delay_us` after its edge.
     fn scan_after(&mut self, interval_us: f64, delay_us: f64) -> Finding {
         self.edge_us += interval_us;
         self.edges = self.edges.wrapping_add(1);
@@ -77,7 +77,8 @@ const GAP: Finding = Finding::Scan {
     gap: true,
 };
 
-/// Channels, rate and whether STATUS is read: cases that the bus can read, up to 98 % of its limit.
+/// Channels, scan rate, and whether STATUS is read, in cases that the bus can carry, up to 98 % of its
+/// limit.
 const CASES: [(u8, f32, bool); 10] = [
     (0b0001, 1_000.0, false),
     (0b0001, 3_960.0, false),
@@ -105,7 +106,8 @@ fn word_and_end_us(case: (u8, f32, bool), index: u32, delay_us: f64) -> (f64, f6
     let scheme = scheme(channels, rate_hz, with_status);
     let count = channels.count_ones();
     let before = 2 * index + u32::from(with_status);
-    // START, address and pointer, repeated START, address: 29 bits, then the first data bit.
+    // Bits of a register read before its first data bit: START, address and pointer, repeated START,
+    // address: 29; then the first data bit.
     let latched_us = delay_us + f64::from(47 * before + 29) * BIT_US;
     let channel = scheme.configuration.acquisition.channel_at(index as u8);
     let settings = scheme.configuration.channel(channel.unwrap_or_default());
@@ -164,7 +166,7 @@ fn a_frame_that_comes_late_is_counted_with_the_next_one() {
         };
         assert_eq!(bus.scan(), missed, "{channels:#b} {rate_hz}");
         assert_eq!(bus.scan(), CLEAN);
-        // INTB was still low at the end of two more scans: they made no edge.
+        // INTB was still low at the end of two more scans, so they made no edge.
         assert_eq!(bus.scan_after(bus.period_us, late_us), Finding::Late);
         let missed = Finding::Scan {
             missed: 3,
@@ -179,7 +181,7 @@ fn a_frame_that_comes_late_is_counted_with_the_next_one() {
 fn a_conversion_that_the_watchdog_aborts_is_a_gap_and_no_loss() {
     for rate_hz in [200.0, 500.0, 940.0, 1_000.0, 2_000.0, 3_960.0] {
         let mut bus = Bus::new(0b0001, rate_hz, false).settled();
-        // 5.2 ms of the watchdog since the last result, settling, and the conversion itself.
+        // Since the last result: 5.2 ms until the watchdog aborts, settling, and the conversion itself.
         let interval_us = 5_200.0 + 27.0 + bus.period_us;
         assert_eq!(bus.scan_after(interval_us, 3.0), GAP, "{rate_hz} Hz");
         assert!(!bus.grid.needs_verify());
@@ -201,7 +203,8 @@ fn an_edge_that_was_not_seen_is_a_scan_that_is_missing() {
 #[test]
 fn a_conversion_time_that_changes_is_marked_at_once_and_suspected_at_the_second() {
     for (channels, rate_hz, with_status) in CASES {
-        // Every bit of RCOUNT that shifts a time stamp by two microseconds or more.
+        // Changes of the period by each bit of RCOUNT that shifts a time stamp by two microseconds or
+        // more.
         for changed_us in [4.0, 7.0, 30.0, 273.0, 1_000.0, -4.0, -30.0, -100.0] {
             let mut bus = Bus::new(channels, rate_hz, with_status).settled();
             bus.period_us += changed_us;
@@ -258,8 +261,8 @@ fn after_an_error_of_the_bus_nothing_is_known_of_what_went_before() {
 fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     for (channels, rate_hz, with_status) in CASES {
         let bus = Bus::new(channels, rate_hz, with_status).settled();
-        // The read may start just before the edge, and takes 48 bit times and the master's overhead; the
-        // task needs its turn between two frames.
+        // A register may be read if this fits: the read may start just before the edge, and takes 48 bit
+        // times and the master's overhead; the task also needs its turn between two frames.
         let fits = latest_begin_us((channels, rate_hz, with_status)) >= 130;
         let turn_us = bus.period_us - bus.frame_us;
         let expected = fits && turn_us >= 40.0;
@@ -290,7 +293,7 @@ fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
                 Finding::Early,
                 "{rate_hz} {part}"
             );
-            // The scan in progress is passed on.
+            // The scan that was in progress at the early edge is passed on.
             let left_us = bus.period_us - after_us;
             assert_eq!(bus.scan_after(left_us, 3.0), GAP, "{rate_hz} {part}");
             assert_eq!(bus.scan(), CLEAN);
@@ -328,7 +331,8 @@ fn what_two_converters_may_be_asked_for_the_bus_can_fetch() {
         let latest_us = Parts::new(&scheme, true).latest_begin_us();
         let period_us = f64::from(scheme.period_us);
         for shift_us in (0..period_us as u32).map(f64::from) {
-            // Edges of both converters over some periods, and the converter whose turn it is.
+            // Simulates the edges of both converters over some periods; `turn` is the converter whose
+            // turn on the bus it is.
             let mut time_us = 0.0_f64;
             let mut done = [0_u32; 2];
             let mut turn = 0;

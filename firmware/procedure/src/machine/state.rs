@@ -62,11 +62,11 @@ pub(super) struct Settling {
     pub(super) touched: Instant,
     pub(super) began: Instant,
     pub(super) steadiness: Steadiness,
-    /// Last rate, in m/s.
+    /// Last rate of the deformation, in m/s.
     pub(super) rate_m_per_s: f32,
     /// Number of flagged conversions.
     pub(super) flagged: u32,
-    /// Last usable conversion.
+    /// Time of the last usable conversion.
     pub(super) last: Option<Instant>,
 }
 
@@ -227,7 +227,7 @@ impl Budget {
     }
 }
 
-/// Start of each channel's flagged readings without a good one between.
+/// For each channel, the time since which its readings have been flagged without a good one between.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlaggedSince {
     pub(super) channels: [[Option<Instant>; 4]; 2],

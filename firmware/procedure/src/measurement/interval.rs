@@ -293,12 +293,14 @@ fn operating_point(
     }
 }
 
-/// Returns the calibration's uncertainties. Those of cross-talk and attraction are expressed as parts of
-/// the stiffening's: at the peak both change the signal as an error of the stiffening would.
+/// Returns the calibration's uncertainties. Those of cross-talk and attraction are expressed as relative
+/// uncertainties of the stiffening: at the peak both change the signal as an error of the stiffening
+/// would.
 ///
 /// The ramp changes x by the fraction |h|/W, where W = 1 + kappa + g is the whole compliance and h = -g
 /// rho/(1 + rho) the regressor's change. An error o of x at the peak alone is the fraction (o/x) W/|h|
-/// of that; an attraction p c_D0 with the relative error u is (p/x) u/|h|.
+/// of the ramp's change; an attraction p c_D0 with the relative error u is the fraction (p/x) u/|h| of
+/// it.
 fn uncertainties(
     calibrated: &Calibrated,
     ratio: &LoadRatio,

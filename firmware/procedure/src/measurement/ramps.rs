@@ -17,8 +17,8 @@ pub(super) struct Ramps {
     /// Sums for level, slope, drifts and, last, a quadratic term: without it for the estimate, with it
     /// for the load's curve.
     sums: Ramp,
-    /// Number of unknowns of a single ramp, the first of the sums: level, slope and, if the settings
-    /// allow a drift, a linear one; any slow drift is linear over a single ramp.
+    /// Number of unknowns of a single ramp, which are the first ones of the sums: level, slope and, if
+    /// the settings allow a drift, a linear one; any slow drift is linear over a single ramp.
     of_single: usize,
     /// Ramp in progress: its number, and the sums at its start.
     single: (u8, Ramp),

@@ -120,7 +120,8 @@ fn crashes_in_a_row_are_counted_whatever_they_are_and_a_start_without_one_ends_i
     assert_eq!((boot.streak, keep), (0, NO_RECORD));
 }
 
-/// Otherwise a PC that restarts a repeatedly crashing device would let it drive its coil.
+/// If a requested restart ended a streak of crashes, a PC that restarts a repeatedly crashing device
+/// would let it drive its coil.
 #[test]
 fn a_new_start_that_was_asked_for_keeps_the_streak_and_one_by_the_boot_loader_ends_it() {
     let mut memory = NO_RECORD;
@@ -142,12 +143,13 @@ fn a_new_start_that_was_asked_for_keeps_the_streak_and_one_by_the_boot_loader_en
     let (boot, keep) = Boot::judge(boot_loader, &record(&End::Asked, &memory, 9_000));
     let found = (boot.cause, boot.streak, keep);
     assert_eq!(found, (ResetCause::Software, 0, NO_RECORD));
-    // After a run that lasted, there is nothing to keep.
+    // After a run that lasted, there is no streak to keep.
     let (boot, _) = Boot::judge(FORCED, &record(&End::Asked, &NO_RECORD, 11_000));
     assert_eq!((boot.cause, boot.streak), (ResetCause::Software, 0));
 }
 
-/// Otherwise a reset without a record would be reported with the location of an earlier crash.
+/// If a record were read twice, a reset without a record would be reported with the location of an
+/// earlier crash.
 #[test]
 fn a_record_is_read_once() {
     let (_, keep) = Boot::judge(FORCED, &panicked(&NO_RECORD));
@@ -158,7 +160,7 @@ fn a_record_is_read_once() {
     );
 }
 
-/// Bit errors at any positions, including none.
+/// Bit errors in the record at any positions, or none.
 fn damage() -> impl Strategy<Value = Vec<(usize, u32)>> {
     prop::collection::vec((0..RECORD_WORDS, 1..u32::MAX), 1..RECORD_WORDS)
 }
@@ -179,7 +181,7 @@ proptest! {
         let (boot, keep) = Boot::judge(flags, &words);
         prop_assert!(fault(boot.cause).is_some());
         prop_assert_eq!((boot.crash, boot.streak), (None, 1));
-        // The kept record is readable: the next crash is the second.
+        // The content that is kept for the next run is readable: the next crash counts as the second.
         let (boot, _) = Boot::judge(flags, &keep);
         prop_assert_eq!(boot.streak, 2);
     }

@@ -41,7 +41,7 @@ fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
         if state == State::Fault {
             continue;
         }
-        // Disarmed, none of them starts.
+        // While the device is disarmed, neither a measurement nor a sweep starts.
         let mut rig = rig.clone();
         rig.accepted(Command::Disarm);
         let estimates = state == State::Estimating;
@@ -77,7 +77,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             let mut rig = Rig::standing_in(state, |_| {});
             rig.records.clear();
             let disarms = command != Command::Abort;
-            // Whatever boot id it carries.
+            // These commands are accepted with any boot id.
             let actions = rig.step(&Event::Command(
                 Link::Probe,
                 &frame(command, Header::ANY_BOOT, 99),
@@ -88,7 +88,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
             let drives = measures || state == State::Manual;
             let after = if drives { State::Release } else { state };
-            // Meanwhile the procedure continues to send the points of an estimate.
+            // In the state of reporting, the procedure continues to send the points of an estimate.
             assert_eq!(rig.state(), after);
             assert_eq!(rig.procedure.is_armed(), !disarms && state != State::Fault);
             if disarms {
@@ -198,7 +198,7 @@ fn frames_that_cannot_be_understood() {
         let actions = rig.step(&Event::NotUnderstood(Link::Probe, error));
         assert_eq!(answers(&actions)[0].outcome, outcome);
     }
-    // These have no header to answer; they are counted.
+    // Frames with these errors have no header to answer; they are only counted.
     let unanswered = [FrameError::Checksum, FrameError::Version { found: 9 }];
     let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(Link::Probe, error)).len());
     assert_eq!(said, [0, 1], "who we are, to one of another version");

@@ -25,7 +25,7 @@ fn a_slower_converter_may_be_set_faster() {
 #[test]
 fn a_shorter_status_period_counts_at_once() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.status_period_s = 60.0));
-    // Records due by the previous period.
+    // Runs past the records that are due by the previous, longer period.
     rig.run(1_500);
     rig.records.clear();
     rig.accepted(Command::SetSettings(settings(|of| {
@@ -56,7 +56,7 @@ fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
             Outcome::Inconsistent,
             None,
         ),
-        // Within the protocol's limits, beyond the board's.
+        // This value is within the protocol's limits but beyond the board's.
         (
             settings(|of| of.peak_current_a = 12.1),
             Outcome::OutOfRange,
@@ -140,7 +140,7 @@ fn what_was_set_is_read_back_and_numbered() {
     for command in &sent {
         rig.accepted(command.clone());
     }
-    // Volatile: a restarted device has none of it.
+    // Settings and calibration are volatile: a restarted device has neither.
     let crc = rig.procedure.configuration().crc();
     sent.sort_by_key(Message::kind);
     assert_eq!(crc, palpate_wire::configuration_crc(&sent));
@@ -234,7 +234,7 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
     rig.accepted(chunk(0, 7));
     assert_eq!(rig.outcome(chunk(16, 19)), Outcome::OutOfSequence);
-    // A chunk out of sequence ends the curve.
+    // A chunk out of sequence abandons the curve that was being received.
     assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
     rig.accepted(chunk(0, 7));
     rig.accepted(chunk(8, 15));
@@ -242,7 +242,7 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     rig.accepted(chunk(16, 19));
     assert_ne!(rig.procedure.configuration().crc(), crc);
 
-    // Read back in the same chunks, one per step.
+    // The curve is read back in the same chunks, one per step.
     rig.accepted(get(Part::StiffeningCurve));
     rig.run(5);
     let chunks = rig.reported(|record| match record {
@@ -268,6 +268,6 @@ fn a_device_starts_within_its_boards_limits() {
         (started.greatest_energy_j, started.greatest_temperature_c),
         (10.0, 50.0)
     );
-    // They can be set as reported.
+    // The reported settings can be set as they are.
     rig.accepted(Command::SetSettings(started));
 }

@@ -11,7 +11,7 @@ use palpate_wire::Command;
 use palpate_wire::code::{FaultCode, RefusalReason, State};
 use palpate_wire::command::{ClearFault, Settings};
 
-/// Longest start-up of a converter.
+/// Longest start-up of a converter, in microseconds.
 const BRING_UP_US: u64 = 140_000;
 const DAY_US: u64 = 86_400_000_000;
 
@@ -37,7 +37,8 @@ fn without_conversions_every_state_ends_in_a_fault() {
                 rig.step(&event);
                 assert!(rig.now_us - received_us <= 60_000 + BRING_UP_US, "{state}");
             }
-            // The first event after 50 ms, or later while the converter is being configured.
+            // The fault comes with the first event after 50 ms of silence, or later while the converter
+            // is being configured.
             let took_us = rig.now_us - received_us;
             let is_early = matches!(state, State::SelfTest | State::Baseline);
             assert_eq!(took_us == 60_000, !is_early, "{state}: {took_us}");
@@ -53,7 +54,8 @@ fn without_any_event_the_first_that_comes_finds_it() {
             let actions = rig.wait(gone_us);
             assert_eq!(actions[0], Action::SafeState, "{state} {gone_us}");
             assert_eq!(rig.state(), State::Fault);
-            // Time may have ended, but nothing starts and nothing panics.
+            // `now_us` may be at its maximum, so that time stands still; nothing starts, and nothing
+            // panics.
             for _ in 0..100 {
                 rig.convert();
                 assert!(rig.line.is_off());
@@ -68,7 +70,7 @@ fn a_conversion_after_a_long_time_does_not_go_on_with_the_train() {
         for gone_us in [DAY_US, u64::MAX] {
             let mut rig = Rig::standing_in(state, |_| {});
             rig.now_us = rig.now_us.saturating_add(gone_us);
-            // The conversion comes before the tick that would detect the silence.
+            // The conversion arrives before the tick that would detect the silence.
             rig.convert();
             assert!(!matches!(rig.state(), State::Peak | State::Ramps));
             assert!(rig.line.is_off());
@@ -155,7 +157,7 @@ fn a_late_event_makes_the_train_longer_and_no_segment_shorter() {
         });
         lines.extend(set.map(|over_us| (rig.now_us, over_us)));
     }
-    // The second line is a fall of 60 ms.
+    // Each line lasts at least its duration. The second line is a fall of 60 ms.
     for pair in lines.windows(2) {
         let lasted_us = pair[1].0 - pair[0].0;
         assert!(lasted_us >= pair[0].1, "{pair:?}");
@@ -204,8 +206,8 @@ fn a_slow_converter_has_time_to_show_that_a_press_is_steady() {
 fn a_sweep_into_silence_is_stopped_in_its_own_step() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.now_us += 60_000;
-    // It starts, is acknowledged, and in the same step the sensor is found to give no readings: no current
-    // remains.
+    // The sweep starts and is acknowledged; in the same step the sensor is found to give no readings, so
+    // no current remains.
     rig.accepted(Command::Sweep);
     assert_eq!(rig.state(), State::Fault);
     assert!(rig.line.is_off());

@@ -38,7 +38,7 @@ fn rest(rig: &mut Rig, time_s: f64) {
     }
 }
 
-/// Outcome of a measurement.
+/// How a measurement or a sweep ended.
 #[derive(Debug)]
 enum End {
     Driven,
@@ -136,7 +136,8 @@ fn driven(rig: &Rig, command: Command) -> f32 {
 struct EnergyCase {
     wires_ohm: f64,
     settings: Settings,
-    /// Waits before each measurement; `true` for a sweep.
+    /// Wait before each request, in seconds, and the request: `true` for a sweep, `false` for a
+    /// measurement.
     asks: Vec<(f64, bool)>,
 }
 
@@ -204,7 +205,7 @@ proptest! {
                     let end = train(&mut rig, command);
                     prop_assert!(!too_much(&rig), "{end:?}");
                 }
-                // Never possible, or refused for an unrelated reason.
+                // This train is never possible, or was refused for another reason.
                 _ => {}
             }
         }

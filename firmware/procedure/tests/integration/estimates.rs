@@ -21,7 +21,7 @@ const DRIFTS: [Drift; 5] = [
     Drift::SawTooth,
 ];
 
-/// c_L/c_S.
+/// Ratios c_L/c_S of the tested loads.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 /// Returns a rig that is armed, and pressed by a load of `ratio` times c_S.
@@ -49,13 +49,14 @@ fn an_ideal_press_gives_its_stiffness_with_every_drift_setting() {
             greatest = greatest.max(error.abs());
         }
     }
-    // 5.6e-4, at ten times c_S.
+    // The largest error is 5.6e-4, at a load of ten times c_S.
     assert!(greatest < 1e-3, "{greatest:e}");
 }
 
 #[test]
 fn a_drift_of_the_kind_that_is_set_does_not_count() {
-    // x (1 + d phi), with phi as the protocol describes it. The logarithmic drift counts from the touch.
+    // Each shape phi is as the protocol describes it; the deformation is x (1 + d phi). The logarithmic
+    // drift counts from the touch.
     let shapes: [(Drift, Shape); 4] = [
         (Drift::Linear, |time_s| time_s),
         (Drift::Logarithmic, |time_s| {
@@ -64,7 +65,7 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
         (Drift::Exponential, |time_s| {
             1.0 - (-time_s / 0.5).exp() + 0.5 * time_s
         }),
-        // From ramp to ramp; the first one rises 5 ms after it was sent.
+        // A saw-tooth drift restarts from ramp to ramp; the first ramp rises 5 ms after it was sent.
         (Drift::SawTooth, |time_s| {
             (time_s - 0.005) / 0.1 % 1.0 + 0.5 * time_s
         }),
@@ -76,7 +77,7 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
             rig.accepted(Command::Measure);
             rig.until(State::Peak, 1_000);
             let began_s = rig.now_us as f64 * 1e-6;
-            // As it was at the touch: 0.2 s of steadiness before the train.
+            // The touch was 0.2 s before the train, the time for detecting a steady press.
             assert!(
                 (began_s - touched_s - 0.2).abs() < 2e-3,
                 "{began_s} {touched_s}"
@@ -223,7 +224,8 @@ fn the_other_numbers_are_those_of_the_sensor() {
     let estimate = rig.measure();
     let close = |found: f32, is: f64| (f64::from(found) / is - 1.0).abs() < 5e-3;
     assert!(close(estimate.load_ratio, 2.0), "{estimate:?}");
-    // The reference is the first sample of the first fall, just below the peak.
+    // The estimate's force is that at the reference state, the first sample of the first fall, just
+    // below the peak.
     let peak_n = 6e3 * rig.sensor.deformation_m(10.0, 0.0);
     assert!(close(estimate.force_n, peak_n), "{estimate:?} {peak_n}");
     assert!(
@@ -232,12 +234,12 @@ fn the_other_numbers_are_those_of_the_sensor() {
     );
     assert!(close(estimate.duration_s, 1.21), "{estimate:?}");
     assert_eq!(estimate.ramps, 12);
-    // 58 or 59 conversions lie entirely within each fall.
+    // Only conversions entirely within a fall count: 58 or 59 for each fall.
     assert!(
         (12 * 57..=12 * 60).contains(&estimate.samples),
         "{estimate:?}"
     );
-    // The thermometer's value, not that of the copper, which the train has heated.
+    // The reported temperature is the thermometer's, not that of the copper, which the train has heated.
     assert_eq!(estimate.temperature_c, Some(25.0));
 }
 
@@ -281,7 +283,7 @@ fn two_states_are_computed_as_in_the_paper() {
         assert_eq!(states.len(), 60);
         let ((x1, d1), (x2, d2)) = (states[0], states[59]);
         let s = rig.sensor.sensing_n_per_m;
-        // Eq. (2).
+        // Stiffness by eq. (2) of the paper.
         let expected =
             s * d1 * d2 * (x1 - x2) / (x2 * (d1 * d2 + s * d1) - x1 * (d1 * d2 + s * d2));
         assert!((expected / rig.sensor.load_n_per_m - 1.0).abs() < 1e-9);
@@ -296,7 +298,8 @@ fn two_states_are_computed_as_in_the_paper() {
 fn a_press_may_be_as_old_as_it_likes() {
     for age_s in [0, 10, 30, 100, 1_000, 10_000] {
         let mut rig = pressed(1.0, Sensor::default(), |_| {});
-        // The touch has lasted, with only its presence to report.
+        // The touch lasts for `age_s`, with a conversion every 39 ms: just often enough to keep the
+        // sensor from counting as silent.
         for _ in 0..age_s * 25 {
             rig.now_us += 39_000;
             rig.convert();
@@ -323,8 +326,8 @@ fn a_press_may_be_as_old_as_it_likes() {
     }
 }
 
-/// The reading creeps by 1.8 % of each step of a press per e-fold of its age beyond 1.5 s; the force
-/// does not.
+/// The reading creeps by 1.8 % of each step of a press while its age grows by a factor of e beyond 1.5
+/// s; the force does not creep.
 #[test]
 fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
     // Depth and time of two steps. Step, creep and current together deepen the first press by a quarter,
@@ -355,7 +358,7 @@ fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
                 rig.sensor.offset_m = increments.iter().map(crept).sum();
             }
         }
-        // The second train finds the press as old as the first did.
+        // Twice: the second train starts with a press of the same age as the first did.
         for _ in 0..2 {
             let estimate = rig.measure();
             let truth = rig.sensor.load_n_per_m as f32;
@@ -374,7 +377,7 @@ fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
 
 #[test]
 fn the_interval_covers_the_truth_as_often_as_it_says() {
-    // White noise of 20 nm: the interval is that of the noise alone.
+    // White noise of 20 nm is the only disturbance, so the interval is that of the noise alone.
     let (runs, mut covered) = (200, 0);
     let mut rig = Rig::armed(Sensor::default(), settings(|of| of.ramps = 6));
     rig.sensor.noise_m = 20e-9 * 3.0_f64.sqrt();
@@ -386,11 +389,12 @@ fn the_interval_covers_the_truth_as_often_as_it_says() {
         let truth = rig.sensor.load_n_per_m as f32;
         let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
         covered += usize::from((estimate.lower_n_per_m..=upper).contains(&truth));
-        // A cold coil, so that the next train is not refused.
+        // Reports a cold coil, so that the next train is not refused.
         rig.temperature(25.0);
         rig.run(500);
     }
-    // 95 % of 200 with three standard deviations, or more: the scatter only widens.
+    // At least 95 % of 200, less three standard deviations: the scatter of the ramps only widens the
+    // intervals.
     assert!((181..=200).contains(&covered), "{covered} of {runs}");
     assert!(covered < runs, "an interval that always covers is too wide");
 }
@@ -481,7 +485,8 @@ fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones()
         let upper = sensing_n_per_m / estimate.lower_n_per_m - estimate.load_ratio;
         upper / estimate.load_ratio_standard_error
     });
-    // Nearly all of the uncertainty is that of the temperature.
+    // Nearly all of the uncertainty is that of the temperature, so the interval's reach is that of a
+    // uniform error.
     assert!((reaches[0] - 1.645).abs() < 0.01, "{reaches:?}");
     assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
 }
@@ -519,7 +524,8 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
         rig.until(State::Watching, 3_000);
         rig.touch(3e-4);
         let estimate = rig.measure();
-        // Heating of the coil during the train does not count: the calibration's trains heat as well.
+        // The heating of the coil during the train is not part of the temperature: the calibration's
+        // trains heat the coil as well.
         assert_eq!(estimate.temperature_c, Some(25.0));
         error(&estimate, &rig)
     });
@@ -589,7 +595,8 @@ fn force_and_its_uncertainty_in_a_sample() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     let mut scale = springs(&rig.sensor);
     scale.force_scale_uncertainty = 0.02;
-    // A stiffness depends on c_S; the uncertainty of a force is that of its scale.
+    // The uncertainty of c_S affects a stiffness but not a force, whose uncertainty is that of the force
+    // scale.
     scale.sensing_uncertainty = 0.05;
     rig.accepted(Command::SetSprings(scale));
     rig.until(State::Watching, 3_000);

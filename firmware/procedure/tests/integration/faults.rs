@@ -11,7 +11,7 @@ use palpate_wire::command::{ClearFault, GetCalibration};
 use palpate_wire::record::Fault;
 use palpate_wire::{Command, Record};
 
-/// Longest start-up of a converter.
+/// Longest start-up of a converter, in seconds.
 const BRING_UP_S: f32 = 0.14;
 
 fn clear(code: FaultCode) -> Command {
@@ -56,7 +56,7 @@ fn any_fault_stops_any_state() {
             let fault = stops(&rig, &actions, *code);
             assert_eq!((fault.value, fault.limit), (Some(1.0), Some(2.0)));
             assert_eq!(fault.location, *location);
-            // It stands until a command clears it, whatever is converted meanwhile.
+            // The fault stands until a command clears it, whatever is converted meanwhile.
             rig.sensor.depth_m = 0.0;
             rig.run(1_000);
             assert_eq!((rig.state(), rig.faults().len()), (State::Fault, 1));
@@ -74,7 +74,8 @@ fn silence_is_a_fault_and_ends_with_it() {
         assert_ne!(rig.state(), State::Fault, "{state}");
         let mut actions = rig.wait(1_000);
         let mut limit_s = 0.05;
-        // In these states the converter may still be busy with its configuration.
+        // In these states the converter may still be busy with its configuration, which lengthens the
+        // limit.
         if matches!(state, State::SelfTest | State::Baseline) {
             while rig.state() != State::Fault {
                 actions = rig.wait(1_000);
@@ -86,7 +87,7 @@ fn silence_is_a_fault_and_ends_with_it() {
         assert_eq!(fault.location, Location::Sensor);
         assert!((fault.limit.expect("a time") - limit_s).abs() < 1e-3);
         assert!((fault.value.expect("a time") - limit_s - 0.001).abs() < 1e-6);
-        // A flagged conversion proves nothing.
+        // A flagged conversion does not end the fault of a silent sensor.
         rig.sensor.flags = 0x1000;
         rig.run(20);
         assert_eq!(rig.state(), State::Fault);
@@ -118,7 +119,8 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
                 rig.accepted(Command::Identify);
                 rig.convert()
             };
-            // 50 ms at 1 kHz, twice, with a good one between.
+            // Flagged readings for 50 ms at 1 kHz are no fault: here twice, each time after a good
+            // reading.
             for _ in 0..2 {
                 convert(&mut rig, 0);
                 for _ in 0..51 {
@@ -129,10 +131,11 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             let actions = convert(&mut rig, flags);
             let fault = stops(&rig, &actions, code);
             assert_eq!((fault.location, fault.value), (Location::Sensor, Some(0.0)));
-            // The drive may have been searched while the sensor was pressed.
+            // After a fault of the amplitude, the drive is searched again: it may have been found while
+            // the sensor was pressed.
             let seeks = actions.contains(&Action::SeekDrive { sensor: 0 });
             assert_eq!(seeks, code == FaultCode::SensorAmplitude);
-            // An answering converter does not end it, nor does another flag.
+            // Neither the recovery of the converter nor a different flag ends the fault.
             rig.step(&Event::Recovered(code));
             for (other, _) in FLAGS {
                 convert(&mut rig, other);
@@ -157,7 +160,7 @@ fn flags_of_a_slow_converter_have_ten_conversions() {
     assert_eq!(rig.state(), State::Watching);
     rig.run(10);
     assert_eq!(rig.state(), State::Fault);
-    // Cleared while its cause persists, it is raised again.
+    // A fault that is cleared while its cause persists is raised again.
     rig.accepted(clear(FaultCode::SensorNotOscillating));
     rig.run(110);
     assert_eq!(rig.state(), State::SelfTest);
@@ -189,7 +192,7 @@ fn each_channel_and_converter_is_at_fault_by_itself() {
         let fault = rig.faults().pop().expect("a fault");
         assert_eq!((fault.location, fault.value), (location, Some(2.0)));
         assert_eq!(fault.code, FaultCode::SensorNotOscillating);
-        // The other converter's good readings do not end it.
+        // Good readings of the other converter do not end the fault.
         scan_of(&mut rig, 1 - sensor, false);
         assert_eq!(rig.state(), State::Fault);
         scan_of(&mut rig, sensor, false);
@@ -209,7 +212,7 @@ fn a_converter_that_is_being_configured_may_be_silent_for_longer() {
     rig.accepted(Command::Disarm);
     let four = settings(|settings| settings.channels = 0b1111);
     rig.accepted(Command::SetSettings(four));
-    // A scan of the old settings may still come.
+    // A scan with the old settings may still arrive.
     rig.convert();
     for _ in 0..189 {
         rig.wait(1_000);
@@ -235,7 +238,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
         let fault = stops(&rig, &actions, FaultCode::CoilTooHot);
         assert_eq!((fault.location, fault.limit), (Location::Coil, Some(80.0)));
         assert!((fault.value.expect("a temperature") - 81.0).abs() < 0.1);
-        // The thermometer reports that it has cooled, which clears nothing.
+        // The thermometer reports that the coil has cooled, which does not clear the fault.
         rig.temperature(25.0);
         rig.run(1_000);
         assert_eq!(rig.state(), State::Fault);
@@ -246,7 +249,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
 
 #[test]
 fn more_energy_went_into_the_coil_than_was_forecast() {
-    // The forecast, from the refusal that it causes.
+    // Finds the forecast energy of the train from a refusal: with a limit of 1 J it is too much.
     let mut rig = Rig::standing_in(State::Contact, |of| of.greatest_energy_j = 1.0);
     let forecast_j = rig.refused().value.expect("an energy");
     let limit_j = 1.01 * forecast_j;
@@ -257,7 +260,7 @@ fn more_energy_went_into_the_coil_than_was_forecast() {
     let fault = stops(&rig, &actions, FaultCode::TooMuchEnergy);
     let (found_j, allowed_j) = (fault.value.unwrap(), fault.limit.unwrap());
     assert_eq!((fault.location, allowed_j), (Location::Coil, limit_j));
-    // Checked every 10 ms, in which 11 A add half a joule.
+    // The energy is checked every 10 ms, in which 11 A add half a joule.
     let found_in = limit_j..limit_j + 0.5;
     assert!(found_in.contains(&found_j), "{found_j} {limit_j}");
 }
@@ -297,7 +300,8 @@ fn a_clock_that_is_set_back_is_a_fault() {
         let actions = rig.wait(0);
         let fault = stops(&rig, &actions, FaultCode::Clock);
         assert_eq!((fault.location, fault.value), (Location::Clock, None));
-        // Cleared, it continues by the new time, which also detects silence.
+        // After the fault is cleared, the procedure continues by the new time, by which it also detects
+        // silence.
         rig.accepted(clear(FaultCode::Clock));
         rig.sensor.depth_m = 0.0;
         rig.until(State::Watching, 3_000);
@@ -354,7 +358,7 @@ fn no_other_command_clears_a_fault() {
         }
         rig.step(&Event::Recovered(*code));
         assert_eq!(rig.state(), State::Fault);
-        // As documented: reported as ended, and restarted disarmed.
+        // A cleared fault is reported as ended, and the device starts again, disarmed.
         rig.accepted(clear(*code));
         let ended = rig.faults().pop().expect("a fault");
         assert_eq!((ended.code, ended.active), (*code, false));

@@ -77,7 +77,7 @@ fn twenty_thousand_moves_from_fixed_seeds_reach_everything() {
             }
         }
     }
-    // The moves reach every state.
+    // The random moves have reached every state.
     assert_eq!(states.len(), State::ALL.len());
     assert!(estimates > 100 && armed > 5_000, "{estimates} {armed}");
     assert!(reasons.len() > 12, "{reasons:?}");

@@ -23,7 +23,7 @@ fn manual() -> Rig {
 #[test]
 fn the_host_falls_silent() {
     let mut rig = manual();
-    // Any commands, 99 ms apart, keep it alive.
+    // Commands of any kind, 99 ms apart, keep the current alive.
     for command in [Command::GetSettings, drive(2.0), Command::Identify] {
         rig.run(98);
         assert_eq!(rig.state(), State::Manual);
@@ -40,7 +40,7 @@ fn the_host_falls_silent() {
     );
     assert!((fault.value.expect("a time") - 0.1).abs() < 0.0025);
     assert!(rig.line.is_off() && !rig.procedure.is_armed());
-    // Latched: another command does not restart it.
+    // The fault is latched: another command does not restart the current.
     assert_eq!(rig.outcome(drive(1.0)), Outcome::Faulted);
     let code = FaultCode::HostSilent;
     rig.accepted(Command::ClearFault(ClearFault { code }));
@@ -72,7 +72,7 @@ fn it_takes_both_polarities_within_the_limits() {
 #[test]
 fn it_is_on_for_too_long() {
     let mut rig = manual();
-    // 20 s of the board's limit; the coil of the tests can take 1 A indefinitely.
+    // The board's limit of 20 s ends the current; the coil of the tests could take 1 A indefinitely.
     for _ in 0..420 {
         rig.run(50);
         if rig.state() != State::Manual {
@@ -112,7 +112,8 @@ fn a_train_that_would_be_too_hot_is_refused_with_a_waiting_time() {
     let refusal = rig.refusals().pop().expect("a refusal");
     assert_eq!(refusal.reason, RefusalReason::CoilTooHot);
     let wait_s = refusal.wait_s.expect("a waiting time");
-    // The layer cools with its 480 s; how far depends on the surroundings of 25 degrees.
+    // The layer around the coil cools with a time constant of 480 s; the time to wait depends on the
+    // surroundings of 25 degrees.
     assert!((1.0..480.0).contains(&wait_s), "{wait_s}");
 }
 
@@ -130,7 +131,7 @@ fn the_coils_test_is_asked_for_and_reported() {
         rig.records.pop().map(|of| of.1),
         Some(Record::CoilTest(found.clone()))
     );
-    // Once: a further result without a request is not reported.
+    // A result is reported only once: a further one without a request is not.
     rig.step(&Event::CoilTested(found));
     assert_eq!(rig.records, []);
 }

@@ -65,7 +65,7 @@ fn a_load_that_is_lifted_during_the_report_loses_no_point_of_its_curve() {
         let estimate = rig.measure();
         assert_eq!(estimate.load_points, points);
         rig.sensor.depth_m = 0.0;
-        // Nor does a new calibration part cut the report.
+        // Setting a calibration part does not end the report of the curve either.
         rig.accepted(Command::Disarm);
         rig.accepted(Command::SetCrosstalk(crosstalk(&rig.sensor.clone())));
         rig.until(State::Watching, 3_000);
@@ -95,8 +95,8 @@ fn the_train_rises_falls_and_ends_at_zero() {
                     if lines.is_empty() {
                         began_us = line.start_us;
                     }
-                    // Every line starts at the current that the previous one has reached, in mid-way or
-                    // at its end.
+                    // Every line starts at the current that the previous one has reached, midway or at
+                    // its end.
                     lines.push((line.from_a, line.to_a, micros(line.over_s)));
                 }
                 Action::SafeState => off_at = Some(lines.len()),
@@ -109,11 +109,12 @@ fn the_train_rises_falls_and_ends_at_zero() {
     assert_eq!(lines.len(), expected.len());
     for (line, expected) in lines.iter().zip(expected) {
         assert_eq!((line.1, line.2), (expected.1, expected.2));
-        // A fall may end half a conversion early, 1/120 of its change.
+        // A fall may end half a conversion early, at 1/120 of its change before the final current.
         assert!((line.0 - expected.0).abs() < 0.1, "{line:?}");
     }
     assert_eq!(off_at, Some(25), "the bridge goes off after the way down");
-    // Twelve periods of 0.1 s and the ramp-down; every segment may start a conversion late.
+    // The train takes twelve periods of 0.1 s and the ramp-down; every segment may start a conversion
+    // late.
     let took_us = rig.now_us - began_us;
     assert!(
         (1_210_000..=1_210_000 + 37_000).contains(&took_us),
@@ -123,7 +124,7 @@ fn the_train_rises_falls_and_ends_at_zero() {
 
 #[test]
 fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
-    // 10, 40 and 100 of these conversions are a little less than 10, 40 and 100 ms.
+    // At this rate 10, 40 and 100 conversions last a little less than 10, 40 and 100 ms.
     let mut rig = Rig::armed(Sensor::default(), settings(|of| of.rate_hz = 1_001.0));
     rig.touch(3e-4);
     rig.accepted(Command::Measure);
@@ -166,7 +167,8 @@ fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
                 {
                     falls += 1;
                     assert_eq!(line.from_a, 10.0);
-                    // Two conversions of a millisecond later, and a little before the end.
+                    // A fall starts two conversions of 1 ms after the one that triggers it, less the 20
+                    // us by which it precedes the end of a conversion.
                     assert_eq!(line.start_us - end_us, 2_000 - 20, "{late_us}");
                 }
             }
@@ -222,7 +224,7 @@ fn sensing_only_needs_no_coil_and_never_drives_it() {
     assert_eq!(rig.outcome(Command::Measure), Outcome::SensingOnly);
     assert_eq!(rig.outcome(Command::Sweep), Outcome::NotArmed);
     rig.run(2_000);
-    // Deformation and force are reported as usual.
+    // In sensing-only mode deformation and force are reported as usual.
     let sample = rig.last(|record| match record {
         Record::Sample(sample) => Some(sample.clone()),
         _ => None,
@@ -278,7 +280,7 @@ fn without_automatic_a_contact_waits_for_its_command() {
     let mut rig = Rig::touched();
     rig.run(2_000);
     assert_eq!(rig.state(), State::Contact);
-    // Repeatedly, without releasing.
+    // Measures repeatedly without a release between.
     rig.measure();
     rig.until(State::Release, 100);
     rig.measure();

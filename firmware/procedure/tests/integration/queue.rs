@@ -17,7 +17,7 @@ fn drive(to_a: f32) -> Command {
     })
 }
 
-/// Returns a rig within the test that arming starts.
+/// Returns a rig during the coil's test that arming starts.
 fn testing(state: State) -> Rig {
     let mut rig = Rig::standing_in(state, |_| {});
     rig.accepted(Command::Disarm);

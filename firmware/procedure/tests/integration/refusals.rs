@@ -120,7 +120,7 @@ fn the_object_lets_go() {
     rig.sensor.depth_m = 0.0;
     let refusal = comes(&mut rig);
     let after_s = value(&refusal, RefusalReason::ContactLost, None);
-    // From the first rise, 5 ms after it was sent.
+    // The time counts from the first rise, which starts 5 ms after it was sent.
     assert!((0.495..0.515).contains(&after_s), "{after_s}");
     assert_eq!((refusal.measurement, rig.state()), (1, State::Baseline));
     recovers(rig);
@@ -167,7 +167,7 @@ fn too_few_samples() {
     let refusal = rig.refused();
     is(&refusal, RefusalReason::TooFewSamples, Some(0.0), Some(4.0));
     recovers(rig);
-    // One fits into a single fall of 10 ms.
+    // One or two conversions of 5 ms fit into a single fall of 12 ms.
     let mut rig = with(|of| (of.rate_hz, of.ramp_s, of.ramps) = (200.0, 0.012, 1));
     let have = value(&rig.refused(), RefusalReason::TooFewSamples, Some(4.0));
     assert!((1.0..=2.0).contains(&have), "{have}");
@@ -187,7 +187,7 @@ fn flagged(rig: &mut Rig, count: u32) {
 
 #[test]
 fn conversions_are_lost_or_flagged() {
-    // A tenth of 1.21 s at 1 kHz.
+    // One in ten conversions may be lost: 121 in a train of 1.21 s at 1 kHz.
     let mut rig = driving(with(|_| {}), 100);
     rig.convert_with(|scan| scan.lost = 121);
     assert_eq!(rig.state(), State::Ramps);
@@ -201,7 +201,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // Occasional good ones between: without them the sensor would be at fault.
+    // Good readings between the flagged ones keep the sensor from being at fault.
     let mut rig = driving(with(|_| {}), 100);
     flagged(&mut rig, 121);
     assert_eq!(rig.state(), State::Ramps);
@@ -214,7 +214,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // No conversion to detect steadiness.
+    // With all readings flagged, there is none from which to detect a steady press.
     let mut rig = with(|of| of.settling_s = 0.5);
     rig.accepted(Command::Measure);
     for _ in 0..501 {
@@ -290,20 +290,21 @@ fn the_stiffening_is_not_the_calibrated_one() {
     let refusal = rig.refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let (value, limit) = (refusal.value.unwrap(), refusal.limit.unwrap());
-    // Uncertainty of the springs, and residuals from the misfit.
+    // The limit is the uncertainty of the springs and of the residuals from the misfit.
     assert!((0.02..0.04).contains(&limit), "{refusal:?}");
     assert!(value > 10.0 * limit, "{refusal:?}");
     assert_eq!((refusal.measurement, rig.state()), (1, State::Release));
     recovers(rig);
 
-    // At least half a per cent of the slope: 1 + c_S/c_L + c_S/c_D is 3.5.
+    // The limit is at least half a per cent of the slope, times the whole compliance 1 + c_S/c_L +
+    // c_S/c_D, which is 3.5.
     let refusal = saturating(40.0, (0.0, 0.0)).refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let limit = refusal.limit.unwrap();
     assert!((limit / (0.005 * 3.5) - 1.0).abs() < 0.05, "{refusal:?}");
     saturating(200.0, (0.0, 0.0)).measure();
 
-    // If the calibration's own trains bent by as much, it is no misfit: the interval is wider.
+    // If the calibration's own trains bent by as much, the bend is no misfit, but widens the interval.
     let estimate = saturating(40.0, (0.0, 0.05)).measure();
     assert!(estimate.load_ratio_standard_error > 0.02, "{estimate:?}");
 }
@@ -328,7 +329,7 @@ fn no_signal_a_reversed_one_or_one_too_large() {
     let mut rig = with(|_| {});
     rig.sensor.rise = 1e-6;
     rig.sensor.noise_m = 2e-6;
-    // One of twenty draws of the noise resembles a signal: not the one from here on.
+    // One in twenty noise sequences resembles a signal; the sequence that starts here does not.
     rig.run(10);
     let normal_975 = 1.959_964;
     let of_errors = value(
@@ -365,7 +366,8 @@ fn the_error_is_too_large() {
     rig.accepted(Command::SetStiffening(uncertain));
     rig.accepted(Command::Arm);
     let part = value(&rig.refused(), RefusalReason::TooUncertain, Some(0.02));
-    // kappa = 1 and W = 3.5: 0.05 W/(1 + rho) of it, with rho = 0.1 at the peak.
+    // With kappa = 1, W = 3.5 and rho = 0.1 at the peak, the relative uncertainty of the stiffness is
+    // 0.05 W/(1 + rho).
     assert!((part - 0.05 * 3.5 / 1.1).abs() < 1e-3, "{part}");
     let stiffening = rig.last(|record| match record {
         Record::UncertaintyBudget(budget) => Some(budget.stiffening),
@@ -389,7 +391,7 @@ fn the_current_is_not_the_one_that_was_requested() {
     assert!((current_a - 11.5).abs() < 1e-3, "{current_a}");
     recovers(rig);
 
-    // On the fall an excess remains: 5 A are requested 30 ms after its start.
+    // An offset of the current remains during the fall, where 5 A are requested 30 ms after its start.
     let mut rig = driving(with(|_| {}), 74);
     rig.current_offset_a = 1.2;
     let refusal = comes(&mut rig);
@@ -425,7 +427,8 @@ fn the_coil_could_not_bear_the_train() {
 
     let mut rig = with(|of| of.greatest_energy_j = 10.0);
     let forecast = value(&rig.refused(), RefusalReason::TooMuchEnergy, Some(10.0));
-    // 53 A^2 for 1.21 s in 0.389 ohm at 20 degrees, and up to a fifth more for hot copper.
+    // The energy is that of a mean of 53 A^2 for 1.21 s in 0.389 ohm at 20 degrees, and up to a fifth
+    // more for hot copper.
     let cold = 0.389 * 1.21 * (70.0 * 100.0 / 3.0 + 30.0 * 100.0) / 100.0;
     assert!((cold..1.2 * cold).contains(&forecast), "{forecast} {cold}");
     recovers(rig);
@@ -448,9 +451,9 @@ fn events_that_come_too_late_stop_the_train() {
     rig.until(State::Peak, 20_000);
     rig.wait(8_000_000);
     let refusal = rig.refusals().remove(0);
-    // 1.21 s of the train, and 0.1 s for each of its 39 segments.
+    // The limit is 1.21 s for the train, and 0.1 s for each of its 39 segments.
     let took_s = value(&refusal, RefusalReason::TimedOut, Some(5.11));
-    // From the first rise, 5 ms after it was sent.
+    // The time counts from the first rise, which starts 5 ms after it was sent.
     assert_eq!(took_s, 7.995);
     recovers(rig);
 }
@@ -473,7 +476,8 @@ fn aborted_or_ended_by_a_fault() {
     }
 }
 
-/// At 40 um/s, below the limit of 50: flagged readings count as part of the time of the movement.
+/// The press moves at 40 um/s, below the limit of 50: the time of flagged readings is part of the
+/// movement's time.
 #[test]
 fn a_press_counts_as_steady_by_its_rate_however_many_readings_are_flagged() {
     for every in [1, 2, 4] {

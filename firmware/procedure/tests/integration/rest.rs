@@ -66,7 +66,7 @@ fn what_lies_there_from_the_beginning_is_a_touch_that_is_not_measured() {
         let refusal = rig.refused();
         assert_eq!(refusal.reason, RefusalReason::RestMoved, "{object_m:e}");
         assert!((f64::from(refusal.value.unwrap()) / object_m - 1.0).abs() < 0.01);
-        // Lifted: measurements work again.
+        // After the object is lifted, measurements work again.
         rig.sensor.offset_m = 0.0;
         rig.lift();
         rig.touch(3e-4);
@@ -114,7 +114,8 @@ fn a_sensor_that_reads_below_its_rest_is_not_measured() {
 
 #[test]
 fn a_rest_within_what_temperature_makes_of_it_is_no_touch() {
-    // 0.3 um/K; 5 um remain for an object too light to be detected.
+    // The temperature may change the rest by 0.3 um/K; 5 um more may be an object too light to be
+    // detected.
     let mut rig = under(8e-6);
     rig.temperature(40.0);
     rig.accepted(Command::Arm);

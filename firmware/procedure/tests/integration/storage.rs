@@ -33,7 +33,7 @@ struct Desk {
     orders: VecDeque<StorageOrder>,
     /// The storage answers no orders.
     is_dead: bool,
-    /// Every order fails with this.
+    /// Failure of every order, if any.
     fails: Option<StorageFailure>,
     records: Vec<(Option<Link>, Record)>,
     actions: Vec<Action>,
@@ -92,7 +92,7 @@ impl Desk {
         assert!(self.orders.len() <= 1, "one order at a time");
     }
 
-    /// Runs until the storage rests, and not longer, since no converter converts here.
+    /// Runs until the storage has no work left, and not longer, since no converter converts here.
     fn settle(&mut self) {
         self.run(1);
         while !(self.orders.is_empty() && self.reports.is_empty()) {
@@ -294,7 +294,7 @@ fn what_was_stored_is_in_force_before_the_first_word() {
     assert_eq!(desk.procedure.configuration().settings().rate_hz, 500.0);
     let configures = |action: &&Action| matches!(action, Action::ConfigureSensors { .. });
     assert_eq!(desk.actions.iter().filter(configures).count(), 1);
-    // Arming needs the coil's data: they are there.
+    // Arming needs the coil's data, which the load has set.
     let mut desk = desk;
     assert_eq!(desk.send(Command::Arm), Outcome::Accepted);
 }
@@ -344,7 +344,7 @@ fn what_is_in_force_is_stored_and_both_are_reported() {
     );
 }
 
-/// At every step of another calibration: abandoned by `load`, and by a power cut.
+/// Another calibration is abandoned at every step, by `load` and by a power cut.
 #[test]
 fn a_calibration_that_is_abandoned_at_any_step_leaves_the_earlier_one() {
     let earlier = in_order(&configured(&Sensor::default(), 500.0, 1));
@@ -374,7 +374,8 @@ fn a_calibration_that_is_abandoned_at_any_step_leaves_the_earlier_one() {
     }
 }
 
-/// At every step of a save: the previously stored set is active after the power comes back.
+/// The power is cut at every step of a save: the previously stored set is active after the power comes
+/// back.
 #[test]
 fn a_power_cut_in_a_save_leaves_the_earlier_one() {
     let earlier = in_order(&configured(&Sensor::default(), 500.0, 1));
@@ -530,7 +531,7 @@ fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
     );
 }
 
-/// The stored configuration may cause the crashes.
+/// The stored configuration may be the cause of the crashes, so it is not loaded.
 #[test]
 fn after_a_streak_of_crashes_nothing_that_was_stored_is_in_force() {
     let stored = in_order(&configured(&Sensor::default(), 500.0, 1));
@@ -569,7 +570,7 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
     assert_eq!(desk.send(get.clone()), Outcome::NotSet);
     desk.accepted(identity.clone());
     desk.accepted(get.clone());
-    // Settings are not part of it.
+    // The settings are not part of a calibration's hash.
     desk.accepted(Command::SetSettings(DEFAULT_SETTINGS));
     desk.accepted(get.clone());
     for part in &parts[1..] {

@@ -53,7 +53,7 @@ fn the_first_words_are_who_speaks_and_what_the_last_run_died_of() {
         panic!("{actions:?}");
     };
     assert_eq!((channels, rate.0), (0b0001, 1_000.0));
-    // Exactly once.
+    // Each of these records is sent exactly once.
     rig.run(100);
     let again = |record: &Record| matches!(record, Record::Hello(_) | Record::Crash(_));
     assert_eq!(rig.reported(|record| again(record).then_some(())).len(), 2);
@@ -68,7 +68,7 @@ fn every_so_many_samples_one_is_sent_with_what_was_lost_before_it() {
     let samples = samples(&rig);
     let missed: Vec<_> = samples.iter().map(|of| (of.missed, of.gap)).collect();
     assert_eq!(missed, [(0, false), (3, true), (0, false), (0, false)]);
-    // With the time of the conversion's middle.
+    // The record has the time of its conversion's middle.
     let (at, _) = rig.records[0];
     assert_eq!(at.as_ticks(), rig.now_us - 15_000 - 500);
 }
@@ -112,7 +112,7 @@ fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
 
 #[test]
 fn a_drift_goes_on_while_readings_are_flagged() {
-    // As after a press.
+    // Drift of the untouched sensor as after a press.
     const DRIFT_M_PER_S: f64 = -1e-6;
     let mut rig = with(|_| {});
     let drift = |rig: &mut Rig, ms: u64, flagged: bool| {
@@ -126,7 +126,8 @@ fn a_drift_goes_on_while_readings_are_flagged() {
     drift(&mut rig, 1, false);
     let sample = samples(&rig).pop().expect("a sample");
     let deformation_m = sample.channels[0].deformation_m.expect("a curve");
-    // The baseline has followed for the whole time: 0.4 um of recovery is not a deformation.
+    // The baseline has followed for the whole time, so the 0.4 um of recovery do not appear as a
+    // deformation.
     assert!(deformation_m.abs() < 5e-8, "{deformation_m:e}");
 }
 
@@ -175,7 +176,7 @@ fn flagged_conversions_are_reported_and_counted_and_teach_nothing() {
     rig.records.clear();
     let before = status(&mut rig);
     for _ in 0..10 {
-        // Far from the baseline if it were accepted.
+        // This reading is flagged; if it were accepted, it would be far from the baseline.
         rig.sensor.press(3e-4);
         rig.sensor.flags = 0x1000;
         rig.convert();
@@ -204,7 +205,7 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
     for command in calibration(&Sensor::default()) {
         rig.accepted(command);
     }
-    // Longer than its start-up may take.
+    // Runs for longer than the start-up of a converter may take.
     for _ in 0..200 {
         rig.convert();
         let mut scan = rig.scan();
@@ -223,7 +224,7 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
         (counted.conversions, counted.second_conversions),
         (200, 200)
     );
-    // It does not replace the first.
+    // Conversions of the second converter alone do not keep the first from being silent.
     for _ in 0..51 {
         rig.now_us += 1_000;
         let mut scan = rig.scan();
@@ -250,7 +251,7 @@ fn status_comes_every_period_and_counts_measurements() {
     assert_eq!(reports.len(), 5);
 }
 
-/// The converter's period is its own: 999.25 us at 1 kHz.
+/// The period is that of the converter, not that of the requested rate: 999.25 us at 1 kHz.
 #[test]
 fn raw_words_have_the_period_of_their_conversions() {
     let mut rig = with(|of| of.stream = Stream::Raw);

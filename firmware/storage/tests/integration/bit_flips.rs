@@ -8,7 +8,7 @@ use crate::support::flash::{AREA, Flash};
 use crate::support::specimens::small;
 use crate::support::{assert_stored, load, now, open, save, saved};
 
-/// A prime step reaches every bit of a byte and every position in an item.
+/// Tests bits at a prime step, which reaches every bit of a byte and every position in an item.
 #[test]
 fn a_turned_bit_is_found_or_does_no_harm() {
     area(509);
@@ -30,13 +30,14 @@ fn every_bit_of_a_small_set_is_found_or_does_no_harm() {
     assert!(tally.damaged > 500, "{tally:?}");
 }
 
-/// Each copy of the seal in turn, all bits of it.
+/// Clears all bits of two of the three copies of the stored set's seal, and leaves each copy in turn.
 #[test]
 fn a_seal_outlives_the_loss_of_two_of_its_three_copies() {
     let history = [small(6e3), small(5e3)];
     let flash = saved(&history);
     let copies = seals(&flash);
-    // Two of the first save, one of the second beside them, and two of the second.
+    // Two copies of the first save's seal, one copy of the second save's seal beside them, and two
+    // copies of the latter after its own items.
     assert_eq!(copies.len(), 5);
     for kept in copies[2..].iter().copied() {
         let mut flash = flash.clone();

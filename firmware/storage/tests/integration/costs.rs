@@ -6,7 +6,8 @@ use crate::support::flash::{Counts, Flash};
 use crate::support::specimens::{fullest, typical};
 use crate::support::{load, open, save, saved};
 
-/// Returns the time of all reads in seconds, at 2 us for each started word of four bytes.
+/// Returns the time of all reads in seconds: 2 us for each word of four bytes that is read in whole or
+/// in part.
 fn reading_s(counts: &Counts) -> f64 {
     let words = counts.bytes_read as f64 / 4.0 + counts.reads as f64;
     2e-6 * words

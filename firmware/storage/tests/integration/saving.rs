@@ -25,7 +25,7 @@ fn what_is_saved_is_read_back_after_a_start() {
 #[test]
 fn each_setting_and_each_chunk_is_one_item() {
     let mut flash = saved(&[typical()]);
-    // One command of the typical set stands for 23 settings.
+    // The one settings command of the typical set is stored as 23 items.
     let items = typical().len() - 1 + 23;
     let store = open(&mut flash).unwrap();
     assert_eq!(usize::from(whole(&store).items), items);
@@ -133,7 +133,7 @@ fn nothing_is_read_during_a_save_and_an_abandoned_one_leaves_what_was_stored() {
     assert!(store.is_interrupted());
     assert_eq!(save(&mut store, &small(5e3)), Ok(true));
     assert!(!store.is_interrupted());
-    // The interrupted one does not count.
+    // The interrupted save does not count.
     assert_eq!(whole(&store).generation, 2);
 }
 
@@ -156,14 +156,14 @@ fn flashes_of_other_words_hold_the_same() {
 #[test]
 fn more_than_a_slot_holds_is_refused_and_what_was_stored_stays() {
     let mut flash = Flash::<4>::new();
-    // Two slots of two sectors, one of which is for items.
+    // Two slots of two sectors each, one of which can hold items.
     let range = 0..4 * SECTOR as u32;
     let mut store = now(Store::open(&mut flash, range.clone())).unwrap();
     assert_eq!(save(&mut store, &typical()), Ok(true));
     assert_eq!(save(&mut store, &fullest()), Err(Error::Full));
     assert_stored(&mut store, &typical());
     drop(store);
-    // That was the sector with the seal's third copy; the map has erased none for space.
+    // The only erased sector is that with the seal's third copy; the map has erased none to make space.
     assert_eq!(flash.counts.erases, 1);
     let mut store = now(Store::open(&mut flash, range)).unwrap();
     assert_stored(&mut store, &typical());
@@ -213,7 +213,7 @@ fn nothing_beside_the_range_is_touched() {
 #[test]
 fn a_worn_out_sector_is_found_and_what_was_stored_stays() {
     let mut flash = saved(&[small(6e3)]);
-    // In the slot of the next save.
+    // The worn bytes are in the slot of the next save.
     flash.worn = AREA / 2 + 40..AREA;
     let mut store = open(&mut flash).unwrap();
     assert_eq!(save(&mut store, &small(5e3)), Err(Error::NotKept));

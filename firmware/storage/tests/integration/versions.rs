@@ -54,7 +54,7 @@ fn what_version_1_stored_is_read() {
     let mut store = open(&mut flash).unwrap();
     assert_stored(&mut store, &history()[1]);
     assert_eq!(whole(&store).generation, 2);
-    // Nothing needs to be written again.
+    // The stored set is the same, so nothing needs to be written again.
     assert_eq!(save(&mut store, &history()[1]), Ok(false));
 }
 
@@ -174,7 +174,7 @@ fn a_curve_that_is_set_takes_the_place_of_every_chunk_and_law_of_an_unknown_vers
 
 #[test]
 fn an_older_set_that_lacks_a_setting_and_a_part_is_read() {
-    // All settings except the last, which came later.
+    // Items of all settings except the last, which a later version added.
     let mut items: Vec<_> = {
         let mut flash = saved(&[typical()]);
         format::items(&mut flash, 0)
@@ -193,7 +193,7 @@ fn an_older_set_that_lacks_a_setting_and_a_part_is_read() {
     };
     settings.ramp_s = defaults().ramp_s;
     assert_eq!(load(&mut store).unwrap(), expected);
-    // The next save contains it.
+    // The next save also contains what was missing.
     assert_eq!(save(&mut store, &expected), Ok(true));
     assert_stored(&mut store, &expected);
 }

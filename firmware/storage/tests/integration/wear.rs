@@ -6,7 +6,7 @@ use crate::support::wear::{alternating, wear};
 #[track_caller]
 fn assert_even((least, greatest): (u32, u32), saves: u32, sectors: u32) {
     assert!(greatest - least <= 2, "{least} to {greatest}");
-    // Each save erases the sectors of the last save but one.
+    // Each save erases the sectors of the save before the stored one.
     let expected = saves * sectors / 16;
     assert!(
         greatest.abs_diff(expected) <= 2,

@@ -53,15 +53,15 @@ fn commands_decode_to_their_listing_and_encode_to_their_bytes() {
     agree::<Command>("commands");
 }
 
-/// Sums of the damaged stream, computed by hand.
+/// Compares the counts of the damaged stream with counts made by hand.
 #[test]
 fn the_damaged_stream_is_accounted_for() {
     let listing = String::from_utf8(committed(&format!("v{VERSION}-damaged.jsonl"))).unwrap();
     let sums: serde_json::Value = serde_json::from_str(listing.lines().last().unwrap()).unwrap();
     let counts = &sums["counts"];
-    // 10, 11, 16 twice, 13, 21, 25, two of the next boot, and 24.
+    // Decoded frames: 10, 11, 16 twice, 13, 21, 25, two of the next boot, and 24.
     assert_eq!(counts["frames"], 10);
-    // 12, and 13 joined to 14, and 15, and the part of 9: COBS or the CRC-32 detects each.
+    // Damaged frames: 12, 13 joined to 14, 15, and the part of 9. COBS or the CRC-32 detects each.
     let found = counts["stuffing"].as_u64().unwrap() + counts["checksum"].as_u64().unwrap();
     assert_eq!(found, 4);
     assert_eq!(
@@ -76,7 +76,8 @@ fn the_damaged_stream_is_accounted_for() {
         (&counts["unknown_kind"], &counts["payload"]),
         (&2.into(), &1.into())
     );
-    // 10 to 25 are sixteen. Received: 10 11 13 16 17 19 20 21 24 25. Missing: 12 14 15 18 22 23.
+    // Sixteen frames were produced, 10 to 25. Received: 10 11 13 16 17 19 20 21 24 25. Missing: 12 14 15
+    // 18 22 23.
     let boot = &sums["boots"][0];
     assert_eq!(
         (&boot["produced"], &boot["received"]),

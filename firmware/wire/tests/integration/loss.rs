@@ -15,7 +15,7 @@ enum Fate {
     DroppedByDevice,
     Lost,
     Twice,
-    /// Delayed by this many other frames.
+    /// The frame arrives after this many later frames.
     Late(usize),
 }
 
@@ -85,7 +85,7 @@ fn assert_true(tally: &Tally, headers: &[Header]) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
 
-    /// Also across the wrap of both counters.
+    /// Also covers the wrap of both counters, sequence numbers and dropped frames.
     #[test]
     fn produced_is_received_and_missing(
         first in prop_oneof![any::<u32>(), (u32::MAX - 200)..],
@@ -135,7 +135,8 @@ proptest! {
     }
 }
 
-/// With bytes: a device that drops, a line that damages, a receiver that counts.
+/// Tests on the level of bytes: a device that drops frames, a line that damages them, a receiver that
+/// counts.
 #[test]
 fn the_account_is_exact_over_a_damaged_line() {
     let mut random = Random(11);
@@ -146,7 +147,7 @@ fn the_account_is_exact_over_a_damaged_line() {
     let (mut dropped, mut lost) = (0, 0);
     for produced in 0..20_000_u32 {
         let header = sequencer.stamp(u64::from(produced) * 1_000);
-        // The first and the last frame arrive, so that everything is between two received ones.
+        // The first and the last frame always arrive, so that all others are between two received ones.
         let inner = (1..19_999).contains(&produced);
         if inner && random.once_in(10) {
             sequencer.count_dropped();
@@ -156,7 +157,8 @@ fn the_account_is_exact_over_a_damaged_line() {
         let message = message.clone();
         let mut bytes = bytes_of(&Frame { header, message });
         if inner && random.once_in(10) {
-            // Anywhere except in the zero at the end: its loss would affect the next frame as well.
+            // Damages any byte of the frame except the zero at its end: the loss of that zero would
+            // affect the next frame as well.
             let at = random.below(bytes.len() - 1);
             bytes[at] ^= 1 << random.below(8);
             lost += 1;
@@ -226,10 +228,11 @@ fn a_gap_of_any_length_is_exact() {
         let tally = *account.current().unwrap();
         assert_eq!((tally.missing(), tally.received()), (missing.into(), 2));
         if missing == u32::MAX / 2 {
-            // The first number is as far ahead here as a gap can be.
+            // Repeating the first frame is not tested here: its number is as far ahead of the last as a
+            // gap can be.
             continue;
         }
-        // The first frame again, if it is recent enough.
+        // The first frame again is a duplicate if it is recent enough, and stale otherwise.
         let again = account.take(&header(7, 5));
         let known = missing <= 126;
         assert_eq!(again == Arrival::Duplicate, known, "{missing}");
@@ -237,7 +240,7 @@ fn a_gap_of_any_length_is_exact() {
     }
 }
 
-/// More frames than 32 bits can count.
+/// The device sends more frames than 32 bits can count.
 #[test]
 fn the_account_goes_on_after_the_numbers_wrap() {
     let mut account = Account::new();

@@ -17,8 +17,8 @@ fn read<M: Message>(kind: u8, payload: &[u8]) -> Option<M> {
     frames.remove(0).ok().map(|frame| frame.message)
 }
 
-/// Returns whether both accept the bytes as a payload. If one does, the other must read the same:
-/// compared as frames, so that every NaN keeps its bits.
+/// Returns whether this crate and the reference accept the bytes as a payload. If one does, the other
+/// must read the same: compared as frames, so that every NaN keeps its bits.
 fn is_read<M: Message>(kind: &Kind, structure: &'static Structure, payload: &[u8]) -> bool {
     let header = header(1);
     let expected = read_payload(payload, structure).map(|value| {
@@ -69,7 +69,7 @@ fn agree<M: Message>(seed: u64) {
             }
             were_read += usize::from(is_read::<M>(kind, structure, &payload));
         }
-        // Both cases occur often enough.
+        // Accepted and refused payloads both occur often enough.
         assert!(
             (100..900).contains(&were_read),
             "{}: {were_read}",
@@ -112,7 +112,7 @@ fn with_field(structure: &Structure, name: &str, bytes: &[u8]) -> Vec<u8> {
     payload
 }
 
-/// Numbers with every length of a varint, the greatest of every type, and one more.
+/// Tests numbers with every length of a varint, the greatest of every type, and one more.
 #[test]
 fn integers_of_every_length() {
     let (kind, structure) = of_kind(HELLO);

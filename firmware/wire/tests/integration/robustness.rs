@@ -22,7 +22,7 @@ fn sound(sequence: u32) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
 
-    /// Many zeros, so that frames end often.
+    /// The random bytes contain many zeros, so that frames end often.
     #[test]
     fn random_bytes_are_no_frame(
         bytes in vec(prop_oneof![3 => any::<u8>(), 1 => Just(0)], 0..2_000),
@@ -33,7 +33,8 @@ proptest! {
         prop_assert!(commands.frames(&bytes).all(|frame| frame.is_err()));
     }
 
-    /// Bytes that pass all checks before header and payload.
+    /// The random bytes are sent with a valid CRC-32 and version, so that they pass all checks before
+    /// header and payload.
     #[test]
     fn random_payloads_are_read_or_refused(
         kind in any::<u8>(),
@@ -50,7 +51,7 @@ proptest! {
         ];
         for result in results {
             match result.expect("the zero ends a frame") {
-                // The input may have been longer than necessary, never shorter.
+                // The input may have been longer than its shortest encoding, never shorter.
                 Ok(encoded) => prop_assert!(encoded.len() <= bytes.len()),
                 Err(FrameError::Stuffing | FrameError::Checksum | FrameError::TooShort) => {
                     prop_assert!(false, "the frame was whole");
@@ -60,7 +61,7 @@ proptest! {
         }
     }
 
-    /// In pieces of any size.
+    /// The stream is passed to the decoder in pieces of any size.
     #[test]
     fn the_division_of_the_stream_does_not_matter(cuts in vec(0..400_usize, 0..8)) {
         let stream: Vec<u8> = (0..6).flat_map(sound).collect();
@@ -105,7 +106,7 @@ fn no_damaged_frame_is_taken_for_a_sound_one() {
     );
 }
 
-/// Every single bit of every typical frame.
+/// Inverts every single bit of every typical frame.
 #[test]
 fn every_single_flipped_bit_is_found() {
     for frame in fixture::records().iter().take(Record::KINDS.len()) {
@@ -310,7 +311,7 @@ fn errors_say_what_is_the_matter() {
     assert_eq!(error.header(), Some(&header(5)));
 }
 
-/// The longest varint, and one that is too long.
+/// Tests the longest varint, and one that is too long.
 #[test]
 fn hostile_varints_are_refused() {
     for length in 1..=20 {
@@ -323,7 +324,7 @@ fn hostile_varints_are_refused() {
             "{error}"
         );
     }
-    // A list that claims more items than fit, and more than there are.
+    // The list claims more items than its capacity, and more than there are.
     for claimed in [[33, 0], [0xFF, 0x7F]] {
         let mut payload = vec![0, 0, 1, 0, 0, 0x80, 0x3F];
         payload.extend(claimed);
@@ -359,7 +360,7 @@ fn a_record_is_no_command_and_a_command_no_record() {
     let mut commands = CommandDecoder::new();
     for frame in fixture::records().iter().take(Record::KINDS.len()) {
         let bytes = bytes_of(frame);
-        // A long record does not even fit.
+        // A record that is longer than any command does not even fit into the command decoder.
         assert!(commands.frames(&bytes).all(|result| result.is_err()));
     }
     let mut records = RecordDecoder::new();

@@ -47,7 +47,7 @@ fn survives<M: Message>(header: &Header, kind: &Kind, payload: Option<&Value>) {
     assert_eq!(bytes_of(&frame), reference);
 }
 
-/// Through JSON as well.
+/// As `survives`, through JSON as well.
 fn survives_json<M>(header: &Header, kind: &Kind, payload: Option<&Value>)
 where
     M: Message + serde::Serialize + serde::de::DeserializeOwned,

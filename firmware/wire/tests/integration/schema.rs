@@ -62,7 +62,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
         .collect()
 }
 
-/// Units, and the ending of a field's name with that unit.
+/// Units, each with the ending that the name of a field with this unit has.
 const SUFFIXES: [(&str, &str); 25] = [
     ("Hz", "_hz"),
     ("s", "_s"),

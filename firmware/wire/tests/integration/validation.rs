@@ -168,7 +168,8 @@ fn infinities_and_nan_are_refused_in_every_field() {
         }
         _ => {}
     });
-    // 16 in the settings, 38 in the calibration, 3 of a directly driven current, 1 of the LED.
+    // Number of checked fields: 16 in the settings, 38 in the calibration, 3 of a directly driven
+    // current, 1 of the LED.
     assert_eq!(fields, 58);
 }
 
@@ -226,7 +227,7 @@ fn limits_hold_to_the_last_digit() {
             ref of => panic!("{}: no check of {of:?} is written", location.field.name),
         }
     });
-    // Those of the test above, and 16 integers.
+    // Number of checked fields: the 58 of the test above, and 16 integers.
     assert_eq!(fields, 74);
 }
 
@@ -434,7 +435,8 @@ fn every_problem_has_an_outcome() {
 /// The check also finds records that a defect of the device produces.
 #[test]
 fn records_can_be_checked_too() {
-    // Here 1.1 is within all limits: those of a temperature, and of standard errors.
+    // Kinds with which the test cannot work: their largest value, with 1.1 in each float, is within all
+    // limits, those of a temperature and of standard errors.
     const WITHIN: [&str; 2] = ["calibration_identity", "uncertainty_budget"];
     let limited = |kind: &&Kind| !WITHIN.contains(&kind.name);
     for kind in palpate_wire::Record::KINDS.iter().filter(limited) {

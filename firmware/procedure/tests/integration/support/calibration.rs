@@ -8,7 +8,7 @@ use palpate_wire::command::{
 
 use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
 
-/// Deepest deformation on the curve.
+/// Largest deformation on the calibrated curve, m.
 pub(crate) const DEEPEST_M: f32 = 1e-3;
 
 /// Default settings, changed.

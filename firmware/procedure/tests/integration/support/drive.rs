@@ -5,29 +5,30 @@ use coil_hbridge::{Account, EnergyDemand, Load};
 
 use super::CurrentPath;
 
-/// Heat capacities and heat resistances of the coil, those of `calibration::COIL`.
+/// Heat capacity of the copper. This and the heat capacities and resistances below are those of
+/// `calibration::COIL`.
 const COPPER_J_PER_K: f64 = 0.8;
 const PAD_J_PER_K: f64 = 60.0;
 const COPPER_TO_PAD_K_PER_W: f64 = 0.5;
 const PAD_TO_AMBIENT_K_PER_W: f64 = 8.0;
 const AMBIENT_C: f64 = 25.0;
-/// Poll period of the drive.
+/// Period in microseconds at which the drive is polled.
 const POLL_US: u64 = 1_000;
 
 /// Simulated drive.
 #[derive(Clone)]
 pub(crate) struct SimulatedDrive {
     pub(crate) account: Account,
-    /// Resistance of the copper at 20 degrees, and of bridge, wires and supply.
+    /// Resistance of the copper at 20 degrees; the next field is that of bridge, wires and supply.
     pub(crate) copper_ohm: f64,
     pub(crate) wires_ohm: f64,
     /// Voltage loss from dead time, V.
     pub(crate) lost_v: f64,
-    /// Relative addition of the ripple to the square of the current.
+    /// Square of the ripple relative to the square of the current.
     pub(crate) ripple: f64,
-    /// It neither reports its account nor enforces its limit.
+    /// The drive neither reports its account nor enforces its limit.
     pub(crate) is_silent: bool,
-    /// Highest value of the account.
+    /// Highest value of the account so far, J.
     pub(crate) most_j: f32,
     copper_c: f64,
     pub(crate) pad_c: f64,
@@ -37,7 +38,8 @@ pub(crate) struct SimulatedDrive {
 impl SimulatedDrive {
     pub(crate) fn new(copper_ohm: f64, wires_ohm: f64, now_us: u64) -> Self {
         Self {
-            // 60 J less the undetected energy of 20 ms, and 3.5 W.
+            // The limit is 60 J less the energy of 20 ms that could go undetected; 3.5 W is the
+            // continuous power.
             account: Account::with(56.4, 3.5),
             copper_ohm,
             wires_ohm,

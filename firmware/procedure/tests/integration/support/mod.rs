@@ -106,7 +106,7 @@ impl CurrentPath {
         }
     }
 
-    /// Returns whether it is at zero and stays there.
+    /// Returns whether the current is at zero and stays there.
     pub(crate) fn is_off(&self) -> bool {
         self.to_a == 0.0 && self.over_us == 0
     }
@@ -118,17 +118,17 @@ pub(crate) struct Rig {
     pub(crate) procedure: Procedure,
     pub(crate) limits: Limits,
     pub(crate) sensor: Sensor,
-    /// Gain and zero of the current measurement.
+    /// Gain of the current measurement; the next field is its offset.
     pub(crate) current_gain: f64,
     pub(crate) current_offset_a: f64,
-    /// RMS ripple at a mean current, A, and whether it is reported.
+    /// RMS ripple as a function of the mean current, A; the next field says whether it is reported.
     pub(crate) ripple_a: fn(f64) -> f64,
     pub(crate) tells_ripple: bool,
     pub(crate) line: CurrentPath,
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
-    /// Duration of a coil test, and end of the one in progress.
+    /// Duration of a coil test; the next field is the end of the one in progress.
     pub(crate) test_us: u64,
     pub(crate) test_ends_us: Option<u64>,
     /// Drive of the coil with its energy guard; without it the coil is ideal.

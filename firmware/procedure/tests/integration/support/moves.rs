@@ -45,7 +45,7 @@ pub(crate) enum Move {
     Conditions(Conditions),
     Fault(Failure),
     Recovered(FaultCode),
-    /// Everything as at first except the clock, and armed.
+    /// Restores everything as at first except the clock, and arms.
     Restore,
 }
 

@@ -3,8 +3,9 @@
 
 use ldc161x::{Channel, Reading, Word};
 
-/// Frequency of the resonator at rest; f_ref is ten times as high.
+/// Frequency of the resonator at rest.
 const REST_HZ: f64 = 3e6;
+/// Reference frequency of the converter, ten times that of the resonator.
 const REFERENCE_HZ: f64 = 30e6;
 /// Relative change of inductance per metre of deformation: 6 % at 0.3 mm.
 pub(crate) const CHANGE_PER_M: f64 = 200.0;
@@ -28,13 +29,14 @@ pub(crate) struct Sensor {
     pub(crate) depth_m: f64,
     /// Attraction between the halves of the actuated layer.
     pub(crate) attraction_n_per_a2: f64,
-    /// Apparent deformation from the current, and its growth with the deformation.
+    /// Apparent deformation per square of the current; the next field is its relative growth with the
+    /// deformation.
     pub(crate) crosstalk_m_per_a2: f64,
     pub(crate) crosstalk_growth_per_m: f64,
-    /// Added to the reading.
+    /// Change of the deformation with time, added to the reading.
     pub(crate) creep: Creep,
     pub(crate) offset_m: f64,
-    /// Half the width of a uniform noise.
+    /// Half the width of the uniform noise of a reading.
     pub(crate) noise_m: f64,
     /// Relative standard uncertainty that the reading states.
     pub(crate) stated: f64,

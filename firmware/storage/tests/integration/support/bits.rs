@@ -12,7 +12,7 @@ use super::{assert_stored, load, open, saved};
 pub(crate) struct Tally {
     /// Number of bits that did not change the stored set.
     pub(crate) same: u32,
-    /// Number of bits after which it is reported as damaged.
+    /// Number of bits after whose inversion the stored set was reported as damaged.
     pub(crate) damaged: u32,
 }
 
@@ -50,7 +50,8 @@ pub(crate) fn area(step: usize) -> Tally {
     for history in [[fullest(), typical()], [typical(), fullest()]] {
         let mut flash = saved(&history);
         let tally = turn(&mut flash, &history[1], (0..AREA * 8).step_by(step));
-        // Only the stored items: neither the seals nor the rest of the area.
+        // Only bits of the stored items can damage the set: neither those of the seals nor those of the
+        // rest of the area.
         let items: usize = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
         assert!(
             tally.damaged > 0 && tally.damaged < (8 * items / step) as u32,

@@ -4,13 +4,13 @@
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
 
-/// Bytes of a sector, as in the W25Q16JV (datasheet, Sector Erase, 20h).
+/// Size of a sector in bytes, as in the W25Q16JV (datasheet, Sector Erase, 20h).
 pub(crate) const SECTOR: usize = 4096;
 
-/// Sectors of the area.
+/// Number of sectors of the area.
 pub(crate) const SECTORS: usize = 16;
 
-/// Bytes of the area.
+/// Size of the area in bytes.
 pub(crate) const AREA: usize = SECTORS * SECTOR;
 
 /// Error of a flash operation.
@@ -73,12 +73,12 @@ pub(crate) struct Flash<const WORD: usize = 4> {
     pub(crate) counts: Counts,
     /// Number of erases of each sector.
     pub(crate) wear: [u32; SECTORS],
-    /// Number of writes and erases until the power fails, and what that leaves.
+    /// Number of writes and erases until the power fails, and what the interrupted operation leaves.
     cut: Option<(u64, Remnant)>,
     is_off: bool,
-    /// Bytes with a bit that is lost.
+    /// Addresses of worn bytes, of which one bit is lost.
     pub(crate) worn: std::ops::Range<usize>,
-    /// Number of operations until it gives up.
+    /// Number of operations after which the flash fails with [`Failure::Endless`].
     pub(crate) patience: u64,
     random: u64,
 }

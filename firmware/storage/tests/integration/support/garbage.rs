@@ -6,8 +6,8 @@ use super::flash::{AREA, Flash, Remnant, SECTOR, SECTORS};
 use super::specimens::{small, typical};
 use super::{assert_stored, load, now, open, save, saved};
 
-/// Flash operations of the longest call: every word of the area is read twice as the header of an item,
-/// in each of a few passes.
+/// Maximum number of flash operations that a call may take: every word of the area is read twice as the
+/// header of an item, in each of a few passes.
 pub(crate) const PATIENCE: u64 = 16 * (AREA / 4) as u64;
 
 /// Fills some sectors with one kind of garbage.
@@ -24,18 +24,18 @@ fn spoil(flash: &mut Flash, seed: u64) {
             let old = flash.bytes[byte];
             flash.bytes[byte] = match kind {
                 0 => random,
-                // Mostly erased, mostly written.
+                // Most bits are erased here, and most are written in the next case.
                 1 => random | flash.random() as u8 | flash.random() as u8,
                 2 => random & flash.random() as u8 & flash.random() as u8,
                 3 => 0,
-                // A sector from elsewhere.
+                // The content of another sector.
                 4 => flash.bytes[other + byte - from],
                 // Scattered inverted bits.
                 _ if flash.random().is_multiple_of(200) => old ^ random,
                 _ => old,
             };
         }
-        // The marks that the map looks for, so that it reads the data between them.
+        // Adds the sector marks that the map looks for, so that it reads the data between them.
         if flash.random().is_multiple_of(2) {
             flash.bytes[from..from + 4].fill(0);
             let end = if flash.random().is_multiple_of(2) {

@@ -139,7 +139,7 @@ fn trial<M: Message + PartialEq, const N: usize>(
     }
     outcome.damaged += 1;
     outcome.kinds[kind] += 1;
-    // Damage to the zero before it may destroy the next frame, but not the last.
+    // Damage to the zero at the end of a frame may destroy the next frame, but not the last one.
     bytes.extend(next);
     bytes.extend(last);
     let mut received = Vec::new();

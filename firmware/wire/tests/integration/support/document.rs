@@ -81,7 +81,7 @@ fn sizes() -> String {
     )
 }
 
-/// Frames as they are after an hour of operation.
+/// Returns the table of frame sizes and data rates, for frames as they are after an hour of operation.
 fn rates() -> String {
     let mut text = String::from("| record | bytes | per second | kB/s |\n|---|---|---|---|\n");
     let mut row = |what: &str, message: Record, per_second: f64| {

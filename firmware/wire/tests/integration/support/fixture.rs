@@ -96,9 +96,9 @@ pub(crate) fn decode_one<M: Message>(bytes: &[u8]) -> Frame<M> {
 /// A line of a listing: position and content of a frame.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct FixtureLine<M> {
-    /// Offset of its first byte from the start of the file.
+    /// Offset of the frame's first byte from the start of the file.
     pub(crate) offset: usize,
-    /// Number of its bytes, including the zero.
+    /// Number of the frame's bytes, including the zero.
     pub(crate) length: usize,
     /// Header of the frame.
     pub(crate) header: Header,
@@ -149,7 +149,7 @@ fn damaged() -> Vec<u8> {
     // Zeros between frames have no meaning.
     stream.extend([0, 0, 0]);
     stream.extend(sound(11));
-    // One bit is wrong in 12; the zero between 13 and 14 is missing; 15 is cut short.
+    // One bit of frame 12 is wrong; the zero between frames 13 and 14 is missing; frame 15 is cut short.
     let mut flipped = sound(12);
     flipped[9] ^= 0x10;
     stream.extend(flipped);
@@ -158,20 +158,21 @@ fn damaged() -> Vec<u8> {
     let short = sound(15);
     stream.extend(&short[..short.len() / 2]);
     stream.push(0);
-    // 16 comes twice, and 13 arrives late.
+    // Frame 16 comes twice, and frame 13 arrives late.
     stream.extend(sound(16));
     stream.extend(sound(16));
     stream.extend(sound(13));
-    // Of a later minor version; of another major version; with a byte too many; of the other direction.
+    // Frames of a later minor version, of another major version, with a byte too many, and of the other
+    // direction.
     stream.extend(foreign(VERSION, 0x7F, &[1, 2, 3], 17));
     stream.extend(foreign(VERSION + 1, 0x05, &[], 18));
     stream.extend(foreign(VERSION, 0x05, &[0], 19));
     stream.extend(foreign(VERSION, 0x81, &[], 20));
-    // Longer than the longest frame, and shorter than the shortest.
+    // Bytes longer than the longest frame, and bytes shorter than the shortest.
     stream.extend([0x55; 600]);
     stream.push(0);
     stream.extend([0x01, 0x01, 0x00]);
-    // The device dropped 22 and 23, and 24 was lost.
+    // The device dropped frames 22 and 23, and frame 24 was lost.
     stream.extend(sound(21));
     stream.extend(record(Header {
         dropped: 2,
@@ -216,7 +217,7 @@ struct Reception {
     arrival: Option<Arrival>,
 }
 
-/// The last line: the receiver's counts.
+/// Last line of a listing: the receiver's counts.
 #[derive(Serialize)]
 struct Sums {
     counts: Counts,

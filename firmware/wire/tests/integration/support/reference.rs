@@ -137,7 +137,8 @@ fn read_varint(bytes: &mut &[u8], bits: u32) -> Option<u64> {
     None
 }
 
-/// Decodes the number of items or letters: a varint of the size of the reader's `usize`.
+/// Decodes the number of items of a list, or of bytes of a text: a varint of the size of the reader's
+/// `usize`.
 fn read_length(bytes: &mut &[u8], capacity: u8) -> Option<usize> {
     let length = read_varint(bytes, usize::BITS)?;
     (length <= u64::from(capacity)).then_some(length as usize)
@@ -238,7 +239,7 @@ pub(crate) fn smallest(of: &Type) -> Value {
 /// Returns a random value with finite floats.
 pub(crate) fn random(of: &Type, random: &mut Random) -> Value {
     fn any(of: &Type, random: &mut Random) -> Value {
-        // Small numbers as often as large ones.
+        // Numbers of every bit length are equally frequent.
         let bits = random.bits() >> random.below(64);
         match of {
             Type::Bool => Value::Bool(bits & 1 == 1),
@@ -304,7 +305,7 @@ pub(crate) fn any_value(of: &Type, finite: bool) -> BoxedStrategy<Value> {
     }
 }
 
-/// Any integer of `bits` bits, with small ones and the largest as often as others.
+/// Any integer of `bits` bits; small ones and the largest are as frequent as others.
 fn unsigned(bits: u32) -> BoxedStrategy<Value> {
     (any::<u64>(), 64 - bits..64)
         .prop_map(|(value, shift)| Value::Unsigned(value >> shift))

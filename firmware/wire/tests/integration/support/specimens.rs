@@ -299,7 +299,7 @@ fn calibration_identity() -> CalibrationIdentity {
     }
 }
 
-/// Correction of an amplifier that reads 1 % too much, and a converter with a bow.
+/// Correction of an amplifier that reads 1 % too much, and of an ADC whose characteristic is bent.
 fn current_correction() -> CurrentCorrection {
     CurrentCorrection {
         greatest_a: 10.0,
@@ -307,7 +307,7 @@ fn current_correction() -> CurrentCorrection {
     }
 }
 
-/// Settings for the stack `ultrasoft`.
+/// Settings for the sensor design `ultrasoft`.
 pub(crate) fn settings() -> Settings {
     Settings {
         channels: 0b0001,
