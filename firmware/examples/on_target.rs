@@ -27,7 +27,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::entry;
 use palpate_procedure::{Actions, Procedure};
-// Provides the vector table.
+// Linked because it provides the vector table.
 use rp2040_pac as _;
 use tape::WORDS;
 

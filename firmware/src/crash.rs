@@ -20,7 +20,7 @@ struct RecordCell(UnsafeCell<MaybeUninit<RecordWords>>);
 // `forget` is called from one task, and what it may be interrupted by ends the run.
 unsafe impl Sync for RecordCell {}
 
-/// Crash record and its location. An exported symbol, so that a test finds it.
+/// The kept crash record. An exported symbol, so that a test finds it.
 #[unsafe(export_name = "CRASH_RECORD")]
 #[unsafe(link_section = ".uninit.crash")]
 static KEPT: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));

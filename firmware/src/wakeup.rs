@@ -2,7 +2,7 @@
 //!
 //! Deadlines are checked on waking. A wait with a deadline in the timer queue took 1,500 instructions,
 //! mostly in critical sections. Here one pulse per millisecond serves all waits, and costs nothing while
-//! a sample arrives in each.
+//! a sample arrives in each millisecond.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,7 +11,7 @@ use rtic_sync::signal::{Signal, SignalReader};
 /// The wakeup of one task.
 pub struct Wakeup {
     signal: Signal<()>,
-    /// An event occurred since the last pulse.
+    /// An event has woken the task since the last pulse.
     called: AtomicBool,
 }
 

@@ -118,7 +118,7 @@ pub fn edge_came() -> bool {
     unsafe { (*IO_BANK0::ptr()).intr(0).read().bits() & EDGE != 0 }
 }
 
-/// Clears a recorded edge.
+/// Clears the recorded edge of INTB.
 pub fn forget_edge() {
     // SAFETY: clears this edge only.
     unsafe { (*IO_BANK0::ptr()).intr(0).write(|w| w.bits(EDGE)) };

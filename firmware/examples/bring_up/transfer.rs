@@ -40,7 +40,7 @@ fn i2c() -> &'static rp2040_pac::i2c0::RegisterBlock {
     unsafe { &*I2C0::ptr() }
 }
 
-/// Sets the block up from reset.
+/// Resets the I2C block and sets it up.
 pub fn set_up() {
     // SAFETY: values are within their fields; nothing else uses the block.
     unsafe {

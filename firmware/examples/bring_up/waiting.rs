@@ -11,7 +11,7 @@ pub(crate) fn now_us() -> u32 {
     unsafe { (*rp2040_pac::TIMER::ptr()).timerawl().read().bits() }
 }
 
-/// Waits for a time.
+/// Waits for a number of microseconds.
 pub(crate) fn pause(us: u32) {
     let begin = now_us();
     while now_us().wrapping_sub(begin) < us {}

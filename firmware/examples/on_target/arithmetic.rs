@@ -95,7 +95,7 @@ pub fn sum(check: Check) -> u32 {
 /// Number of functions in [`CHECKS`].
 pub const COUNT: usize = 39;
 
-/// All functions with their names.
+/// All checked functions, with their names.
 pub const CHECKS: [(&str, Check); COUNT] = [
     ("add, subtract, multiply, divide", |from, to| {
         let (a, b) = (from.any(), from.any());
@@ -523,7 +523,7 @@ fn fill(ramp: &mut Ramp, from: &mut Inputs) -> Option<()> {
     Some(())
 }
 
-/// Adds all results of a fit.
+/// Adds all results of a fit to the checksum.
 fn judge(fit: &Fit, from: &mut Inputs, to: &mut Sum) -> Option<()> {
     to.word(fit.degrees_of_freedom());
     to.numbers([fit.chi_square(), fit.centre()]);

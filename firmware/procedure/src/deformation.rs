@@ -13,7 +13,7 @@ use crate::configuration::{ChannelCalibration, Curve};
 pub(crate) struct Deformation {
     /// Deformation relative to the untouched sensor.
     pub(crate) value: Metre,
-    /// Standard uncertainty from noise and quantisation.
+    /// Standard uncertainty of the value from noise and quantisation.
     pub(crate) sigma: Metre,
     /// Variance of the zero, common to all readings of a touch, m^2.
     pub(crate) zero_variance_m2: f32,
@@ -258,10 +258,10 @@ mod tests {
     use crate::configuration::DEFAULT_SETTINGS;
 
     const UNTOUCHED: u32 = 24_637_172;
-    /// Code of 0.41 mm.
+    /// Code of the converter at a deformation of 0.41 mm.
     const PRESSED: u32 = 23_385_000;
 
-    /// Calibration whose curve has there half of its slope at rest.
+    /// Calibration whose curve has at the code `PRESSED` half of its slope at rest.
     fn calibration() -> ChannelCalibration {
         let knots = [-0.01, 0.0, 0.02, 0.06, 0.12, 0.2];
         let points = knots.map(|change: f32| (change, 4.9e-3 * change * (1.0 - 2.2 * change)));

@@ -31,7 +31,7 @@ pub(crate) struct Heat {
     /// it.
     elapsed: Second,
     square_a2_s: f32,
-    /// Energy since the measurement began, in joules.
+    /// Energy into the coil since the measurement began, in joules.
     energy_j: f32,
 }
 

@@ -24,7 +24,7 @@ pub mod thermometer;
 mod time;
 
 pub use action::{Action, Actions};
-/// Quantities of the public functions.
+/// Units of the quantities in the public functions.
 pub use palpate_model::units;
 
 pub use board::{BoardInfo, Limits};

@@ -22,7 +22,7 @@ pub(crate) struct Streamer {
     missed: u32,
     gap: bool,
     raw: Option<(Instant, Raw)>,
-    /// Middle of the last scan.
+    /// Time of the middle of the last scan.
     last: Option<Instant>,
 }
 

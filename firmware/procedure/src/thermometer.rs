@@ -102,7 +102,7 @@ impl Thermometer {
 mod tests {
     use super::*;
 
-    /// Computed from the law, in `f64`.
+    /// Returns the ADC ratio at a temperature, computed from the beta law in `f64`.
     fn ratio(celsius: f64) -> f64 {
         let ratio = (3_950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
         ratio / (1.0 + ratio)

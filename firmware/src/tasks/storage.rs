@@ -65,7 +65,7 @@ pub fn storage(work: &mut StorageWork) {
         let Poll::Ready(Some(report)) = going.poll(&mut Context::from_waker(Waker::noop())) else {
             return;
         };
-        // There is space for one report.
+        // The space for a report was checked before the storage started to work.
         let _ = reports.enqueue(report);
     }
 }

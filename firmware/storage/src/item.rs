@@ -82,7 +82,7 @@ pub(crate) struct Item {
     pub(crate) key: Key,
     /// Version of the payload's layout.
     pub(crate) version: u8,
-    /// Its value.
+    /// Value of the item, serialised.
     pub(crate) payload: Vec<u8, MAX_PAYLOAD>,
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    /// Reads a slot.
+    /// Reads a slot from its start to its end.
     pub(crate) async fn of<S: NorFlash>(
         area: &mut Area<S>,
         slot: Slot,

@@ -101,7 +101,7 @@ impl Seal {
         Item {
             key,
             version: VERSION,
-            // The payload fits.
+            // A seal's payload always fits.
             payload: Vec::from_slice(&sum.payload()).unwrap_or_default(),
         }
     }

@@ -23,7 +23,7 @@ pub enum Arrival {
     FirstOfBoot,
     /// The frame after the last one.
     Next,
-    /// A later frame: those between are missing so far.
+    /// A frame later than the next one: the frames between are missing so far.
     AfterGap {
         /// Number of missing frames.
         missing: u32,

@@ -71,7 +71,7 @@ pub enum Finding {
 pub struct Sampled {
     /// Words of the scan.
     pub frame: Frame,
-    /// Middle of the first conversion.
+    /// Time of the middle of the scan's first conversion.
     pub time_us: u64,
     /// Time from the middle of the first conversion to the middle of each.
     pub offsets_us: [u16; 4],

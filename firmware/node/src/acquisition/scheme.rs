@@ -120,9 +120,9 @@ fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
 const PRESSED: [u32; 2] = [6, 5];
 
 /// Returns the strongest drive with which the pressed sensor's amplitude, a fifth above that at rest
-/// ([`PRESSED`]), is at most the amplitude at rest with the found drive. The converter finds the
-/// strongest drive below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it. At
-/// rest the oscillation may be too weak with the returned drive: see [`stronger`].
+/// (`PRESSED`), is at most the amplitude at rest with the found drive. The converter finds the strongest
+/// drive below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it. At rest the
+/// oscillation may be too weak with the returned drive: see [`stronger`].
 pub fn with_room(found: DriveCode) -> DriveCode {
     let [pressed, at_rest] = PRESSED;
     let has_room = |code: &DriveCode| {

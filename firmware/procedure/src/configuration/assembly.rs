@@ -2,14 +2,14 @@
 
 use palpate_wire::command::MAX_KNOTS;
 
-/// Destination of the curve.
+/// Calibration part that the received curve is for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
     Deformation { sensor: u8, channel: u8 },
     Stiffening { uncertainty: f32 },
 }
 
-/// Knots received so far.
+/// Curve that is being received: its knots so far.
 #[derive(Clone, Debug)]
 pub(super) struct Assembly {
     target: Target,

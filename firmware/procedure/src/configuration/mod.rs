@@ -455,7 +455,7 @@ impl Configuration {
     }
 }
 
-/// Checks settings against the board's limits; all ranges start at zero.
+/// Checks settings against the board's limits; every range that a board limits starts at zero.
 fn within(settings: &Settings, limits: &Limits) -> Result<(), Answer> {
     for (field, value, limit) in [
         (field!(Settings, rate_hz), settings.rate_hz, limits.rate.0),

@@ -10,7 +10,7 @@ use super::parts::{PARTS, is_of_a_channel};
 use super::{Configuration, Curve, SetStiffening};
 use crate::list::gathered;
 
-/// Last channel of the second converter.
+/// Number of the second converter's last channel, counted on from the first converter's four.
 const LAST_CHANNEL: u8 = 7;
 
 /// Position in the sequence of commands that would set a configuration.
@@ -19,7 +19,7 @@ pub(crate) struct Cursor {
     settings_are_done: bool,
     /// Index in [`PARTS`].
     part: usize,
-    /// Converter and channel.
+    /// Number of the channel: 0 to 3 of the first converter, 4 to 7 of the second.
     channel: u8,
     chunk: usize,
 }

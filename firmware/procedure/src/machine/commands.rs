@@ -178,7 +178,7 @@ impl Procedure {
         self.armed = false;
         self.mode = mode;
         self.abort(out);
-        // Requires a new test before driving.
+        // The coil must be tested again before it is driven.
         self.coil = CoilTestState::None;
         if changed {
             self.announce(self.state(), out);

@@ -49,7 +49,7 @@ impl Procedure {
         let is_same = |of: &Failure| (of.code, of.location) == (failure.code, failure.location);
         let stands = matches!(&self.phase, Phase::Fault(standing) if is_same(standing));
         if !stands && !self.behind.iter().any(is_same) {
-            // There is space for all sources of faults and one more.
+            // There is space for the faults of all other sources, and for one more.
             let _ = self.behind.push(failure);
         }
     }
@@ -192,7 +192,7 @@ mod tests {
         /// awaited.
         fn fault(&mut self, within_ms: u32) -> Option<(u32, f32)> {
             (1..=within_ms).find_map(|ms| {
-                // Prevents the fault for silence.
+                // Keeps the converter from counting as silent.
                 self.procedure.last_seen = Some(Instant::from_ticks(self.now_us));
                 let actions = self.step(&Event::Tick);
                 let fault = actions.iter().find_map(|action| match action {
@@ -226,14 +226,14 @@ mod tests {
         assert!(took_ms <= 1_024, "{took_ms} ms");
         assert_eq!(kind, f32::from(palpate_wire::code::Part::Coil.number()));
         assert_eq!(rig.procedure.state(), State::Fault);
-        // Without new settings it occurs again.
+        // As long as the damaged item is not set again, the fault is raised again after it is cleared.
         let clear = Command::ClearFault(ClearFault { code: CODE });
         assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
         assert!(rig.fault(1_024).is_some());
         assert_eq!(rig.outcome(Command::SetCoil(COIL)), Outcome::Accepted);
         assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
         assert_eq!(rig.fault(3_000), None);
-        // Never armed with the damaged item.
+        // The device cannot be armed with a damaged item, even before the check has found it.
         coil(&mut rig);
         assert_eq!(rig.outcome(Command::Arm), Outcome::Faulted);
         assert!(!rig.procedure.is_armed());

@@ -63,7 +63,7 @@ pub struct Procedure {
     /// Number of the last measurement.
     measurement: u32,
     followers: [[Option<Follower>; 4]; 2],
-    /// Last evaluated conversion of each channel.
+    /// Time of the last evaluated conversion of each channel.
     evaluated: [[Option<Instant>; 4]; 2],
     streamers: [Streamer; 2],
     heat: Option<Heat>,

@@ -100,7 +100,7 @@ pub(crate) enum TrainSegment {
     Done,
 }
 
-/// Present or last fall.
+/// Present fall of the train, or the last one if the segment is no fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fall {
     ramp: u8,
@@ -123,7 +123,7 @@ pub(crate) struct Train {
     /// Number of completed ramps.
     completed: u8,
     fall: Option<Fall>,
-    /// End of the last conversion.
+    /// Time at which the last conversion ended.
     converted: Option<Instant>,
     /// Time between the ends of two conversions.
     interval: Duration,

@@ -417,7 +417,7 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
         rig.accepted(clear(FaultCode::Bridge));
         assert_eq!(rig.state(), State::SelfTest);
     }
-    // Of two equal faults the first stands.
+    // Of two faults of equal rank the first stands.
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.fail(FaultCode::Bridge, Location::Bridge);
     rig.fail(FaultCode::OverCurrent, Location::Coil);

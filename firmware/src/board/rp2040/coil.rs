@@ -9,7 +9,7 @@ use rtic_monotonics::rp2040::prelude::*;
 use super::{control, safe};
 use crate::{Mono, crash};
 
-/// Control interrupt, bridge and ADC.
+/// The coil hardware: control interrupt, bridge and ADC.
 pub struct PicoCoil;
 
 impl CoilHardware for PicoCoil {

@@ -25,9 +25,9 @@ const CAPACITY: usize = 2 * 1024 * 1024;
 pub const AREA: usize = 64 * 1024;
 /// Offset of the storage area from the start of flash.
 const AREA_START: usize = CAPACITY - AREA;
-/// Erase unit, in bytes (W25Q16JV datasheet, 8.2.15).
+/// Size of a sector, the unit of erasing, in bytes (W25Q16JV datasheet, 8.2.15).
 const SECTOR: usize = 4096;
-/// Program unit, in bytes (8.2.13).
+/// Size of a page, the unit of programming, in bytes (8.2.13).
 const PAGE: usize = 256;
 /// Size of a block that the ROM may erase at once, in bytes. The area is erased sector by sector: a
 /// block erase takes longer than the storage may wait.
@@ -52,9 +52,9 @@ const WITHOUT_COMMAND: u32 = CONTINUOUS << 24 | 4 << 11 | 8 << 2 | 2;
 const FLASH_DIVIDER: u32 = 4;
 /// Command Read Unique ID Number (8.2.27).
 const READ_NUMBER: u8 = 0x4B;
-/// Bytes before the number: the command and four dummy bytes.
+/// Bytes before the unique number: the command and four dummy bytes.
 const BEFORE_NUMBER: usize = 5;
-/// Bytes of the number.
+/// Bytes of the flash's unique number.
 const NUMBER: usize = 8;
 /// Maximum number of polls for a byte of an answer: 100 us at 200 MHz; a byte takes half a microsecond.
 const POLLS: usize = 2_000;

@@ -8,9 +8,9 @@ use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, SIO};
 
 use super::clocks;
 
-/// I2C data.
+/// Pin of SDA, the I2C data.
 pub const SDA: usize = 4;
-/// I2C clock.
+/// Pin of SCL, the I2C clock.
 pub const SCL: usize = 5;
 /// INTB of a converter: low while a result waits.
 pub struct IntbLine {
@@ -41,9 +41,9 @@ pub const INTB_LINES: [IntbLine; CONVERTERS] =
     [IntbLine { pin: 7, slice: 3 }, IntbLine { pin: 9, slice: 4 }];
 /// Shutdown of the first and the second converter: high shuts down.
 pub const SHUTDOWN: [usize; CONVERTERS] = [8, 10];
-/// Inputs of the H-bridge.
+/// Pin of the H-bridge's first input.
 pub const IN1: usize = 16;
-/// See [`IN1`].
+/// Pin of the H-bridge's second input.
 pub const IN2: usize = 17;
 /// Enable of the H-bridge: low switches it off.
 pub const BRIDGE_ENABLE: usize = 18;
@@ -52,9 +52,9 @@ pub const BRIDGE_FAULT: usize = 19;
 /// Output that selects the current limit of the H-bridge: low reduces the limit, for the test of the
 /// limit.
 pub const BRIDGE_LIMIT: usize = 20;
-/// Clock of the converters.
+/// Pin of CLKIN, the clock of the converters.
 pub const CLKIN: usize = 21;
-/// The LED.
+/// Pin of the LED.
 pub const LED: usize = 25;
 /// Analogue inputs: coil current, thermistor, supply, and a third of VSYS, which a Pico connects to ADC
 /// input 3. `control` reads them, in the order of its ring.

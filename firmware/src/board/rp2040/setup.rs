@@ -19,11 +19,11 @@ use super::{clocks, coil, flash, i2c, usb, wait};
 pub struct Board {
     /// All clocks run as configured.
     pub clocks_run: bool,
-    /// The timer, for the monotonic clock.
+    /// The timer, from which the monotonic clock is made.
     pub timer: rp2040_pac::TIMER,
-    /// Resets, for the monotonic clock.
+    /// The reset controller, which the monotonic clock needs at its start.
     pub resets: rp2040_pac::RESETS,
-    /// Watchdog, not started.
+    /// The watchdog, not started yet.
     pub watchdog: rp2040_pac::WATCHDOG,
     /// Manager of the coil's drive; `None` if a clock does not run.
     pub supervisor: Option<Supervisor>,

@@ -152,7 +152,7 @@ impl Control {
         kind & 0x80 != 0
     }
 
-    /// wLength.
+    /// Returns the setup packet's field wLength.
     const fn length(&self) -> u16 {
         let [.., low, high] = self.setup;
         u16::from_le_bytes([low, high])
@@ -553,7 +553,7 @@ impl UsbBusTrait for Bus {
             return self.hal.write(address, packet);
         }
         let control = self.control();
-        // All data were received.
+        // In a transfer from the host, the status is written when all data were received.
         if !control.is_in() {
             watch_for_refusal();
             if withdraw_buffer() {
@@ -627,7 +627,8 @@ impl UsbBusTrait for Bus {
 
     fn poll(&self) -> PollResult {
         self.follow_frames();
-        // Before the driver checks for a setup packet, to whose transfer the data may belong.
+        // Read before the driver checks for a setup packet, since the refused data may belong to that
+        // packet's transfer.
         let has_refused_data = has_refused_data();
         let mut result = self.hal.poll();
         let has_missed = self.has_missed_sent(&result);

@@ -11,7 +11,7 @@ use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
 /// Largest deformation on the calibrated curve, m.
 pub(crate) const DEEPEST_M: f32 = 1e-3;
 
-/// Default settings, changed.
+/// Returns the default settings, changed by `change`.
 pub(crate) fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
     let mut settings = DEFAULT_SETTINGS;
     change(&mut settings);

@@ -393,7 +393,7 @@ impl Rig {
         self.step(&Event::Scan(&scan))
     }
 
-    /// Advances the time alone.
+    /// Advances the time by `time_us` without a conversion.
     pub(crate) fn wait(&mut self, time_us: u64) -> Actions {
         self.now_us = self.now_us.saturating_add(time_us);
         self.step(&Event::Tick)

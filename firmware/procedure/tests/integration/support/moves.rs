@@ -15,7 +15,7 @@ use super::calibration::{
 use super::sensor::Sensor;
 use super::{BOOT, Rig, frame};
 
-/// A change or event.
+/// A change of the rig, or an event that it receives.
 #[derive(Clone, Debug)]
 pub(crate) enum Move {
     /// This many usual conversions.
@@ -26,20 +26,20 @@ pub(crate) enum Move {
     Wait(u64),
     /// The clock is set back.
     Back(u64),
-    /// Deformation requested; zero lifts.
+    /// The sensor is pressed to this deformation; zero lifts the object.
     Press(f64),
     Noise(f64),
     Flags(u16),
-    /// Gain of the current measurement.
+    /// The gain of the current measurement changes to this.
     Gain(f64),
-    /// True rise of the actuated layer.
+    /// The true rise of the actuated layer changes to this.
     Rise(f64),
     Load(f64),
     /// A command, and the boot id that it carries.
     Command(Box<Command>, u32),
     /// A command with the sequence number of the previous one.
     Again(Box<Command>),
-    /// Duration of a coil test, in microseconds.
+    /// The duration of a coil test changes to this, in microseconds.
     Test(u64),
     NotUnderstood(FrameError),
     Conditions(Conditions),

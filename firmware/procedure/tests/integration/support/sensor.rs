@@ -15,15 +15,15 @@ pub(crate) const PEAK_A: f64 = 10.0;
 /// The sensor and its load.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensor {
-    /// c_S.
+    /// Stiffness c_S of the sensing layer.
     pub(crate) sensing_n_per_m: f64,
-    /// c_D0.
+    /// Stiffness c_D0 of the actuated layer without current.
     pub(crate) actuated_n_per_m: f64,
     /// Relative rise of c_D at 10 A, proportional to the square of the current.
     pub(crate) rise: f64,
     /// Current at which the rise is half saturated; the rise at 10 A is unchanged.
     pub(crate) half_way_a: f64,
-    /// c_L.
+    /// Stiffness c_L of the load.
     pub(crate) load_n_per_m: f64,
     /// Total displacement of all three springs; zero lifts.
     pub(crate) depth_m: f64,

@@ -285,8 +285,8 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     // No other task runs meanwhile, so none unmasks the interrupt during the work.
     critical_section::with(|_| {
         let latest = CYCLES - cycles;
-        // One of the attempts succeeds within a period: the interrupt takes less than the part of a
-        // period in which `cycles` are left before it.
+        // One of the attempts succeeds within a period: the interrupt runs for less than a period minus
+        // `cycles`.
         let _ = (0..TRIES).any(|_| mask_before(latest));
         // Masks in any case: an interrupt that writes its level late is better than an order that is
         // never applied.

@@ -73,7 +73,7 @@ pub const fn deadline_us(commands: usize) -> u32 {
 /// Time and count of an edge.
 #[derive(Clone, Copy, Default)]
 pub struct Stamp {
-    /// The lower half of the microsecond timer.
+    /// Time of the edge: the lower half of the microsecond timer.
     pub time_us: u32,
     /// Number of edges that the hardware has counted.
     pub edges: u16,
@@ -81,7 +81,7 @@ pub struct Stamp {
     pub is_known: bool,
 }
 
-/// Number of commands, and number of bytes that they read.
+/// Number of commands of a transaction, and number of bytes that they read.
 #[derive(Clone, Copy, Default)]
 struct Extent {
     commands: u8,
@@ -166,7 +166,7 @@ impl Job {
         Some(())
     }
 
-    /// Number of commands.
+    /// Returns the number of commands.
     pub const fn length(&self) -> usize {
         self.length as usize
     }
@@ -241,7 +241,7 @@ impl Single {
 /// Frame queue of one converter.
 #[repr(C)]
 struct Reader {
-    /// Edges start the job.
+    /// Edges of INTB start the job.
     is_on: bool,
     /// An edge came while the bus was in use: `late`.
     is_late: bool,
@@ -743,7 +743,7 @@ pub unsafe extern "C" fn on_edge() {
     engine.catch_up();
 }
 
-/// I2C0_IRQ: serves the block.
+/// I2C0_IRQ: moves commands and bytes of the running transaction.
 pub unsafe extern "C" fn on_i2c() {
     // SAFETY: see `Shared`.
     unsafe { (*ENGINE.0.get()).serve() }

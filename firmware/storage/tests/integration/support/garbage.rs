@@ -30,7 +30,7 @@ fn spoil(flash: &mut Flash, seed: u64) {
                 3 => 0,
                 // The content of another sector.
                 4 => flash.bytes[other + byte - from],
-                // Scattered inverted bits.
+                // Changed bits in one byte of 200 on average.
                 _ if flash.random().is_multiple_of(200) => old ^ random,
                 _ => old,
             };
@@ -65,7 +65,7 @@ pub(crate) fn survives(seed: u64) {
     // Opening changes nothing: the map does not repair by itself.
     let counts = flash.take_counts();
     assert_eq!((counts.writes, counts.erases), (0, 0), "seed {seed}");
-    // The area can always be used again.
+    // After any garbage the area can be erased and used again.
     flash.patience = PATIENCE;
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();
