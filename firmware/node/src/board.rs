@@ -60,15 +60,16 @@ impl Clkin {
 }
 
 /// Resonators for which the board is made: 2 to 5 MHz with a quality factor of 50 at most. The parallel
-/// resistance gives only the initial drive: the converter searches for its own at the start.
+/// resistance gives only the drive current with which the converter starts its search for the right one.
 pub const SENSOR: Sensor = Sensor {
     highest_quality_factor: 50,
     lowest_rp_ohm: 3_000,
     highest_rp_ohm: 3_000,
     ..Sensor::new(2_000_000, 5_000_000)
 };
-/// Planned bus rate: frames take 98 % of 400 kHz. At this rate the image loses no sample in a minute
-/// (docs/evidence/image-rates.md). Closer to 400 kHz, one late frame delays the following ones.
+/// Planned bus clock: 98 % of the actual 400 kHz. At the highest scan rate that this allows, the image
+/// loses no sample in a minute (docs/evidence/image-rates.md). Closer to 400 kHz, one late frame delays
+/// the following ones.
 pub const BUS_HZ: u32 = 393_000;
 
 /// Period of the bridge's PWM, in microseconds; the ADC makes exactly eight conversions in it.
@@ -81,11 +82,12 @@ const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 /// Hard limits of the coil's drive. `current_a` is the maximum current in the coil; the driver's
 /// `Supervisor::new` refuses a `trip_a` that the current amplifier of [`HARDWARE`] cannot measure.
 ///
-/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the ADC's range less the tolerance of its
-/// zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would heat copper of
-/// 0.8 J/K by 75 K if it kept all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W is
-/// the continuous rating of the paper's coils, 3 A; at 60 J, 20 s are 3 W, within it. Resistance and
-/// inductance are those of sensible coils, with a margin.
+/// 12 A: the bridges are made for 15 A; the rest is a margin. 12.7 A is the largest current that the ADC
+/// can represent, less the tolerance of the measurement's zero. Duty 0.98: bridges need 2 % of each
+/// period to keep their upper switches supplied. 60 J would heat copper of 0.8 J/K by 75 K if it kept
+/// all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W is the continuous rating of
+/// the paper's coils, 3 A; 60 J in 20 s are 3 W, within it. Resistance and inductance are those of
+/// sensible coils, with a margin.
 pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
     current_a: 12.0,
     trip_a: 12.7,
@@ -108,8 +110,8 @@ pub const LIMITS: Limits = Limits {
     rate: Hertz(5_000.0),
 };
 
-/// Bridge, PWM and current amplifier of the board. Where the ADC's inputs are read, in their order:
-/// `firmware/src/board/rp2040/control`.
+/// Bridge, PWM and current amplifier of the board. `firmware/src/board/rp2040/control` defines the order
+/// in which the ADC's inputs are read.
 pub const HARDWARE: Hardware = Hardware {
     period_s: PERIOD_US as f32 * 1e-6,
     full_level: FULL_LEVEL,
