@@ -37,7 +37,7 @@ pub struct CurrentParameters {
     /// Integral non-linearity of the ADC, LSB, 0 to 200: a sine of this amplitude over the range.
     /// The shape is a guess.
     pub nonlinearity_lsb: f64,
-    /// Phase of that sine in mid-range, rad.
+    /// Phase of the non-linearity's sine in mid-range, rad.
     pub nonlinearity_phase: f64,
     /// Noise of one sample of the ADC, LSB rms, 0 to 200; white.
     pub noise_lsb: f64,
@@ -90,9 +90,9 @@ impl CurrentParameters {
 
     /// Root mean square of the ripple, A.
     ///
-    /// A coil that is driven for the part d of the period and shorted for the rest has a triangular
+    /// A coil that is driven for a share d of the period and shorted otherwise has a triangular
     /// ripple of V d (1 − d) T/L peak to peak, whose variance is a twelfth of its square. The
-    /// coil's resistance changes it by less than a part R T/L.
+    /// coil's resistance changes the ripple by a relative amount below R T/L.
     #[must_use]
     pub fn ripple_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         let Bridge {
@@ -182,7 +182,7 @@ impl Command {
         self.points.get(passed).map(|&(at, _)| at)
     }
 
-    /// Whether it stays equal to `other`, which is constant, from `time` on.
+    /// Whether the command stays equal to the constant command `other` from `time` on.
     pub(crate) fn rests_as(&self, time: Time, other: &Self) -> bool {
         let rests = |command: &Self| (command.at(time), command.ripple_a);
         self.next_knot(time).is_none() && rests(self) == rests(other)

@@ -9,9 +9,9 @@
 //!    hysteresis (SOURCES.md 3.5; Visintin, "Differential models of hysteresis", 1994);
 //! 3. a first-order lag (SOURCES.md 3.6).
 
-/// Half the width of the play, in units of the stiffening at the peak (guess: the sources give the
-/// remembered share, not the width). From a fresh sample, the full excursion still reaches σ = 1,
-/// and a return to zero current leaves a third of the share m.
+/// Half the width of the play operator, in units of the stiffening at the peak (guess: the sources
+/// give the remembered share, not the width). From a fresh sample, the full excursion still reaches
+/// σ = 1, and a return to zero current leaves a third of the share m.
 pub const PLAY_HALF_WIDTH: f64 = 0.25;
 
 /// The law and its imperfections.
@@ -137,7 +137,7 @@ mod tests {
         let rising = Play::default().follow(0.5);
         let falling = Play::default().follow(1.0).follow(0.5);
         let gap = LAW.target(0.5, falling) - LAW.target(0.5, rising);
-        // the whole width of the play, times the share
+        // The gap is the whole width of the play operator, times the share.
         assert!((gap - 0.2 * 0.5 / 0.75).abs() < 1e-14, "{gap}");
         assert!((LAW.target(1.0, Play::default().follow(1.0)) - 1.0).abs() < 1e-15);
         let left = LAW.target(0.0, Play::default().follow(1.0).follow(0.0));

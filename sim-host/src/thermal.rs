@@ -29,7 +29,8 @@ pub struct ThermalParameters {
     pub pad_to_ambient_k_per_w: f64,
     /// Resistance of the coils at [`CALIBRATION_C`], ohm, 10⁻³ to 10³.
     pub resistance_ohm: f64,
-    /// Relative change of that resistance with temperature, 1/K: [`COPPER_PER_KELVIN`] or none.
+    /// Relative change of the coils' resistance with temperature, 1/K: [`COPPER_PER_KELVIN`] or
+    /// none.
     pub resistance_per_kelvin: f64,
     /// Share of the electrical power that becomes heat here: 1, or 0 with heating disabled.
     pub heating: f64,

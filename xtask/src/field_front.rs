@@ -15,20 +15,20 @@ use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
 use crate::tool;
 
-/// Folder of the stack files, in the workspace.
+/// Folder of the stack files of both designs, in the workspace.
 const FOLDER: &str = "target/field-front";
-/// The picture: its path in the workspace, and its path on the page.
+/// The picture: its path in the workspace, and its path relative to the page.
 const PICTURE: [&str; 2] = ["docs/images/field-front.svg", "../images/field-front.svg"];
-/// Design to be improved, and its elastomer.
+/// Named design to be improved.
 const DESIGN: &str = "closed";
 const ELASTOMER: &str = "soft";
-/// Power of that design at its current, W.
+/// Power of the design [`DESIGN`] at its own current, W.
 const POWER_W: f64 = 9.7;
-/// Varied parameters, with their bounds. A disc of 8 mm would touch the boards.
+/// Varied parameters of the design, with their bounds. A disc of 8 mm would touch the boards.
 const VARIED: [&str; 2] = ["parameters.disc=4..7.9", "parameters.rim=1..8"];
-/// Height of that design, 10.28 mm, with its rounding.
+/// Height limit: that of [`DESIGN`], 10.28 mm, with its rounding.
 const HEIGHT: [&str; 2] = ["--most-height", "10.29"];
-/// Loads, in units of the sensing spring.
+/// Stiffness of the pressed loads, in units of the sensing spring.
 const LOADS: &str = "0.5,1,2";
 
 /// A design, given by its differences from [`DESIGN`].

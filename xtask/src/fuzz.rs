@@ -19,7 +19,7 @@ use crate::setup::NIGHTLY;
 const TARGETS: &[&str] = &["commands", "frames", "storage"];
 /// Seconds per target in the gate: enough for some hundred boards.
 const SECONDS_IN_GATE: u32 = 10;
-/// Seed in the gate: the same for all developers.
+/// Seed of the fuzzer in the gate: the same for all developers.
 const SEED_IN_GATE: u32 = 1;
 /// Folder of a run's build and results.
 const FOLDER: &str = "target/fuzz";

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 use crate::process::Workspace;
 use crate::repository;
 
-/// First folders of absolute paths that are specific to one machine.
+/// First folders of absolute paths that exist on one machine only.
 const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
 
 /// Words that mark unfinished work. Split, so that this file passes its own check.
@@ -42,15 +42,16 @@ const RETIRED: &[(&str, &str)] = &[
 /// Pages written by campaigns, with the words of their time.
 const WRITTEN_PAGES: &str = "docs/evidence/";
 
-/// Crates that name a microcontroller; below, the firmware's sources and their one folder that may
-/// use them: the instrument's logic is tested on a PC, and another board needs another folder.
+/// Crates of a microcontroller. Only the one folder of the firmware's sources below may name them:
+/// the instrument's logic is tested on a PC, and another board needs another folder.
 const MICROCONTROLLER: &[&str] = &["rp2040_pac", "rp2040_hal", "rp2040_boot2", "cortex_m"];
 const FIRMWARE_SOURCES: &str = "firmware/src/";
 const BOARD_FOLDER: &str = "firmware/src/board/rp2040/";
-/// The only other line that may, where RTIC needs the device.
+/// The only line outside of that folder that may name a microcontroller's crate, where RTIC needs
+/// the device.
 const RTIC_DEVICE: (&str, &str) = ("firmware/src/main.rs", "#[rtic::app(device = rp2040_pac,");
 
-/// Folders and name endings of build output.
+/// Folders of build output; below, endings of its file names.
 const OUTPUT_FOLDERS: &[&str] = &["target", "__pycache__", "node_modules"];
 const OUTPUT_ENDINGS: &[&str] = &[
     ".o", ".a", ".d", ".elf", ".hex", ".map", ".profraw", ".pyc", ".rlib", ".rmeta", ".so", ".uf2",
@@ -62,7 +63,7 @@ const OUTPUT_MAGIC: &[&[u8]] = &[b"\x7fELF", b"!<arch>", b"MZ\x90"];
 /// A violation in the repository.
 #[derive(Debug, PartialEq, Eq)]
 struct Finding {
-    /// The file, with the line if there is one.
+    /// The file, with the line number if there is one.
     place: String,
     /// Description of the violation.
     fault: String,

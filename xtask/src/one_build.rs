@@ -19,7 +19,7 @@ fn builds(edges: &str, arguments: &[&str]) -> Builds {
     let printed = Workspace::find(None).unwrap().output(&query).unwrap();
     let mut builds = Builds::new();
     for line in printed.lines() {
-        // A package listed earlier is marked.
+        // A package that cargo has listed earlier is marked with `(*)`.
         let Some((package, features)) = line.trim_end_matches(" (*)").split_once('|') else {
             continue;
         };

@@ -16,7 +16,7 @@ pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 /// A crate, with its example that calls every public method.
 const PROGRAMS: &[(&str, &str)] = &[("ldc161x", "every_method")];
 
-/// Parts of the names of all panic functions, in either mangling scheme.
+/// Parts of names by which all panic functions are found, in either mangling scheme.
 const MACHINERY: &[&str] = &[
     "9panicking",
     "expect_failed",

@@ -223,7 +223,8 @@ fn quoted(argument: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Change of a variable by a command: `None` when it is inherited.
+    /// Change of an environment variable by a command: `None` when the command inherits the
+    /// variable.
     fn change(command: &Command, name: &str) -> Option<Option<String>> {
         command
             .get_envs()

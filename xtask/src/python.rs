@@ -1,5 +1,5 @@
-//! `cargo xtask ci --only python`: tests in Python of the tool's output files in other programs.
-//! writes.
+//! `cargo xtask ci --only python`: tests in Python that read the tool's output files with other
+//! programs.
 //!
 //! A list gives the versions of the packages, which are installed from the Python package index
 //! into a virtual environment below `target`. The first run needs a network, so the gate runs this

@@ -14,23 +14,24 @@ use crate::board::{EmulatedBoard, Options};
 use crate::image::Image;
 use crate::stop::Stop;
 
-/// Channels of the image: logs and records up, commands down.
+/// Channel from the image for its logs.
 pub const LOGS: u32 = 0;
-/// See [`LOGS`].
+/// Channel from the image for its records.
 pub const RECORDS: u32 = 1;
-/// See [`LOGS`].
+/// Channel to the image for commands.
 pub const COMMANDS: u32 = 0;
 
-/// Interval of the PC's polls for records; the firmware's channel can queue a tenth of a second.
+/// Interval of the PC's polls for records; the firmware's channel can queue the records of a tenth
+/// of a second.
 const POLL: Time = Time::from_ms(1);
-/// Longest time from power on to the first record: boot, the converter's wake-up, and its deadlines
-/// if it is absent.
+/// Longest time from power on to the first record: boot, the converter's wake-up, and, if the
+/// converter is absent, its deadlines.
 const GREETING: Time = Time::from_ms(200);
 /// Longest time from a command to its answer.
 const ANSWER: Time = Time::from_ms(100);
 /// Crystal frequency of a Raspberry Pi Pico, Hz.
 const CRYSTAL_HZ: f64 = 12e6;
-/// Clock that the firmware makes of it for the converter with one channel, Hz.
+/// Frequency that the firmware makes of the crystal's for a converter with one channel, Hz.
 const CLKIN_HZ: f64 = 200e6 / 6.0;
 
 /// Failure of the image or of the emulation.
@@ -98,8 +99,8 @@ impl Instrument {
                     nonlinearity_lsb: current.nonlinearity_lsb,
                     nonlinearity_phase: current.nonlinearity_phase,
                     noise_lsb: current.noise_lsb,
-                    // The world's own measurement of the current already has a non-linearity, with
-                    // which the bench has calibrated.
+                    // The world already gives the current measurement a non-linearity, with which
+                    // the bench has calibrated.
                     wide_codes: false,
                     ..options.drive.converter
                 },

@@ -2,13 +2,13 @@
 
 pub use ldc161x_sim::Time;
 
-/// Fractional bits of a picosecond.
+/// Number of bits for fractions of a picosecond.
 const FRACTION_BITS: u32 = 24;
 
 /// Virtual time, driven by the processor's clock.
 ///
-/// A cycle is not a whole number of picoseconds: 5000 for 200 MHz, but not with a crystal error.
-/// The fraction is carried on, so the error over a minute is below a nanosecond.
+/// A cycle need not be a whole number of picoseconds: it has 5000 at 200 MHz, but a fraction with a
+/// crystal error. The fraction is carried over, so the error over a minute is below a nanosecond.
 #[derive(Clone, Debug)]
 pub(crate) struct Clock {
     now_ps: u64,

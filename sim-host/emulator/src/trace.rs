@@ -84,10 +84,10 @@ pub(crate) struct Change {
 /// IN1 and IN2 pulse by pulse.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// Not sorted by time: bits of the bus are known only at their end.
+    /// Changes of the signals, not sorted by time: bits of the bus are known only at their end.
     changes: Vec<Change>,
     last: [Option<SignalValue>; Signal::ALL.len()],
-    /// End of the traced PWM pulses.
+    /// Time up to which the PWM pulses have been traced.
     pulses_ps: u64,
 }
 
@@ -96,7 +96,8 @@ impl Trace {
         self.changes.push(change);
     }
 
-    /// Samples the pins with a level of their own, and the bus where its master does not trace it.
+    /// Samples the pins other than the bridge's inputs, and the bus where its master does not trace
+    /// it.
     pub(crate) fn sample_pins(&mut self, now_ps: u64, gpio: &Gpio, bus_is_idle: bool) {
         for (signal, pin) in [(Signal::Sda, pin::SDA), (Signal::Scl, pin::SCL)] {
             if bus_is_idle {

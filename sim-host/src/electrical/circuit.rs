@@ -114,7 +114,7 @@ pub struct Circuit {
     /// State that the pins request; it takes effect when the dead time ends.
     asked: [Half; 2],
     dead_until_s: [f64; 2],
-    /// Trip time of the hardware limit; `shorted_until_s` is the end of the short after it.
+    /// Time at which the hardware limit trips; `shorted_until_s` is the end of the short after it.
     trips_s: f64,
     shorted_until_s: f64,
     trips: u32,
@@ -127,7 +127,7 @@ pub struct Circuit {
 struct Mesh {
     voltage_v: f64,
     resistance_ohm: f64,
-    /// A diode current: it can only decay, and stops at zero.
+    /// Whether the current takes a diode: it can then only decay, and stops at zero.
     through_diodes: bool,
     /// 1 where the current comes from the supply, -1 where it returns to the supply, 0 where it
     /// does neither.

@@ -8,7 +8,7 @@ use super::circuit::{Circuit, Pins, Totals};
 use super::edges;
 use super::sense::{Converter, Filter};
 
-/// Gain of the reference board's current amplifier, V/A, and its output at zero current, V.
+/// Gain of the reference board's current amplifier, V/A; below, its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 /// Delay from the start of a period to its first sample, and from its middle to its second, s: the
@@ -26,13 +26,14 @@ const SUPPLY_TAU_S: f64 = 1e-3;
 pub struct Slow {
     /// Relative error of the current amplifier's gain, which drifts over weeks.
     pub gain_error: f64,
-    /// Offset of the current amplifier, A, which drifts as well.
+    /// Offset of the current amplifier, A, which drifts as its gain does.
     pub offset_a: f64,
     /// Relative error of the measured supply.
     pub supply_error: f64,
     /// Voltage at which the amplifier's output is stuck, V; `None` for a working amplifier.
     pub stuck_v: Option<f64>,
-    /// Voltage that replaces the next sample alone, V; `None` for a true sample.
+    /// Voltage that replaces the next sample of the current and no other, V; `None` for a true
+    /// sample.
     pub wild_v: Option<f64>,
     /// Whether the bridge reports a fault.
     pub bridge_faults: bool,
@@ -93,7 +94,7 @@ pub struct ControlLoop {
     supply: Filter,
     averages: Rc<Averages<HISTORY>>,
     trace: Rc<Trace<TRACED>>,
-    /// Output that is active.
+    /// Output of the drive that the bridge applies now.
     output: Output,
     periods: u32,
     supply_at_off_v: Option<f32>,

@@ -13,8 +13,8 @@ pub use control_loop::{ControlLoop, HISTORY, Passed, Period, Slow, TRACED};
 pub use regulated::{Regulated, reference_hardware, reference_limits};
 pub use sense::{Converter, ConverterParameters, Filter, thermistor_v};
 
-/// Edges of a phase-correct PWM within one period: each time, as a part of the period, with the
-/// levels from then on. Both pulses are centred on the start of the period.
+/// Edges of a phase-correct PWM within one period: for each edge its time, from 0 to 1 of the
+/// period, with both levels from then on. Both pulses are centred on the start of the period.
 ///
 /// ```
 /// use palpate_sim::electrical::edges;

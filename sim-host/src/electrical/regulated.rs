@@ -30,7 +30,7 @@ pub const fn reference_limits() -> Limits {
 pub struct Regulated {
     control: ControlLoop,
     supervisor: Supervisor,
-    /// Current lines that follow the present one.
+    /// Current lines after the present one, each given by its end, A, and its duration, s.
     lines: VecDeque<(f32, f32)>,
     polls: u32,
 }

@@ -4,10 +4,10 @@ use core::f64::consts::TAU;
 
 use crate::random::Stream;
 
-/// Codes that are about eight codes wide (erratum RP2040-E11).
+/// Codes that are about eight times as wide as the others (erratum RP2040-E11).
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 const HALF_WIDTH: f64 = 4.0;
-/// Codes of the converter.
+/// Number of codes of the converter.
 const CODES: f64 = 4096.0;
 
 /// Errors of one measurement chain from voltage to code.
@@ -20,7 +20,7 @@ pub struct ConverterParameters {
     /// Amplitude of the integral non-linearity, codes: a sine over the range, whose shape is a
     /// guess.
     pub nonlinearity_lsb: f64,
-    /// Phase of that sine in mid-range, rad.
+    /// Phase of the non-linearity's sine in mid-range, rad.
     pub nonlinearity_phase: f64,
     /// Noise of one sample, codes rms; white.
     pub noise_lsb: f64,
@@ -39,7 +39,8 @@ impl ConverterParameters {
         wide_codes: false,
     };
 
-    /// The RP2040's, as published: 8 codes of non-linearity, wide codes, 2 codes of noise.
+    /// Errors of the RP2040's converter, as published: 8 codes of non-linearity, wide codes, 2
+    /// codes of noise.
     pub const RP2040: Self = Self {
         nonlinearity_lsb: 8.0,
         noise_lsb: 2.0,
@@ -90,8 +91,8 @@ impl Converter {
     }
 }
 
-/// Voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, V. It is
-/// connected to ground, with 10 kiloohm to 3.3 V.
+/// Voltage of a thermistor with 10 kiloohm at 25 degrees Celsius and a B constant of 3950 K, V. The
+/// thermistor is connected to ground, with 10 kiloohm to 3.3 V.
 #[must_use]
 pub fn thermistor_v(celsius: f64) -> f64 {
     let ohm = 10e3 * libm::exp(3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15));

@@ -4,9 +4,9 @@ use super::friction::{FrictionParameters, FrictionState};
 use super::layer::{LayerParameters, LayerStep, MODES, Response, creep_rate};
 use super::load::Load;
 
-/// Least share of the actuated layer's stiffness that the gradient of the attraction may leave:
-/// below it the layer would snap shut. [`crate::world::World::new`] refuses such a plant, so the
-/// balance never has to limit it.
+/// Least allowed ratio of the actuated layer's stiffness with the gradient of the attraction to its
+/// stiffness without: below it the layer would snap shut. [`crate::world::World::new`] refuses such
+/// a plant, so the balance never has to limit the ratio.
 pub const LEAST_STABILITY: f64 = 0.1;
 
 /// Constant properties of the chain.
@@ -14,7 +14,7 @@ pub const LEAST_STABILITY: f64 = 0.1;
 pub struct Chain {
     load: Load,
     frame_m_per_n: f64,
-    /// γ, 1/m.
+    /// γ, relative growth of the attraction per compression of the actuated layer, 1/m.
     attraction_gradient_per_m: f64,
     sensing: LayerParameters,
     actuated: LayerParameters,
@@ -36,7 +36,7 @@ pub struct ChainConditions {
     pub pull_n: f64,
     /// Displacement x_0 of the press, m.
     pub press_m: f64,
-    /// Growth of the sensor, m.
+    /// Growth of the sensor with temperature, m.
     pub growth_m: f64,
 }
 
@@ -93,20 +93,20 @@ pub(crate) struct Rates {
     pub(crate) actuated_spring: f64,
     pub(crate) attraction: f64,
     pub(crate) pull: f64,
-    /// Rate of press and growth together, m/s.
+    /// Rate of the press's displacement plus that of the sensor's growth, m/s.
     pub(crate) drive: f64,
     /// Whether load and sensor touch while these rates hold.
     pub(crate) in_contact: bool,
-    /// Whether the friction's slider sticks meanwhile.
+    /// Whether the friction's slider sticks while these rates hold.
     pub(crate) sticks: bool,
 }
 
-/// The chain without the sensing layer, at the end of a step.
+/// The chain other than the sensing layer, at the end of a step.
 #[derive(Clone, Copy, Debug)]
 struct Rest {
     /// Response of the actuated layer with its attraction.
     actuated: Response,
-    /// Displacement of the press without any layer in between, m.
+    /// Displacement x_0 of the press plus the growth of the sensor, m.
     drive_m: f64,
     pull_n: f64,
 }
@@ -183,7 +183,7 @@ impl Chain {
         conditions.attraction_n * (1.0 + self.attraction_gradient_per_m * actuated_m)
     }
 
-    /// Share of the actuated layer's stiffness that remains under the attraction's gradient.
+    /// Ratio of the actuated layer's stiffness with the attraction's gradient to that without.
     #[must_use]
     pub fn stability(&self, attraction_n: f64, compliance_m_per_n: f64) -> f64 {
         1.0 - attraction_n * self.attraction_gradient_per_m * compliance_m_per_n

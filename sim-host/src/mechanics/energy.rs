@@ -20,7 +20,7 @@ pub struct Energy {
     pub attraction_j: f64,
     /// Work of the actuating coils' pull on the load.
     pub pull_j: f64,
-    /// Work of field and heat that change loaded springs: ½ e₀ e₁ Δc.
+    /// Work of field and heat when they change loaded springs: ½ e₀ e₁ Δc.
     pub springs_j: f64,
     /// Heat from creep and friction.
     pub dissipated_j: f64,

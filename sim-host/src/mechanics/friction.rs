@@ -1,8 +1,9 @@
 //! Dry friction beside the sensing layer.
 //!
-//! A spring in series with a slider (Iwan 1966, "A distributed-element model for hysteresis"),
-//! in parallel with the layer. The slider sticks until its force reaches `stick_n`, then slips within a step until
-//! `slip_n` is left of it: the difference of static and sliding friction (Coulomb) makes stick-slip.
+//! A spring in series with a slider (Iwan 1966, "A distributed-element model for hysteresis"), in
+//! parallel with the layer. The slider sticks until its force reaches `stick_n`, then slips within
+//! a step until its force is `slip_n`: the difference of static and sliding friction (Coulomb)
+//! makes stick-slip.
 
 use super::layer::Response;
 
@@ -29,7 +30,7 @@ pub struct FrictionState {
 }
 
 impl FrictionParameters {
-    /// Share of its compliance that a layer keeps while the slider sticks.
+    /// Factor by which a sticking slider reduces the compliance of its layer.
     pub(crate) fn part_left(&self, layer_m_per_n: f64) -> f64 {
         1.0 / (1.0 + layer_m_per_n * self.spring_n_per_m)
     }
@@ -53,12 +54,12 @@ impl FrictionParameters {
         }
     }
 
-    /// Force after a slip, N, if `force_n` causes one.
+    /// Force of the slider after a slip, N, if `force_n` causes one.
     pub(crate) fn slips(&self, force_n: f64) -> Option<f64> {
         (force_n.abs() > self.stick_n).then(|| self.slip_n.copysign(force_n))
     }
 
-    /// Response of the layer beside a moving slider: x = b + C (F - J).
+    /// Response of the layer beside a moving slider with the friction J: x = b + C (F - J).
     pub(crate) fn moving(layer: &Response, force_n: f64) -> Response {
         Response {
             offset_m: layer.offset_m - layer.compliance_m_per_n * force_n,

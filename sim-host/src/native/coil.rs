@@ -13,10 +13,10 @@ use super::drive::CoilDrive;
 use super::wiring::{Wiring, micros};
 use crate::electrical::thermistor_v;
 
-/// Ratio of the supply to the voltage at the converter.
+/// Ratio of the coil's supply to the voltage at its converter input.
 const SUPPLY_RATIO: f64 = 11.0;
-/// Time from the end of the averaging window of a period's two samples to the end of the period: a
-/// quarter of the period.
+/// Time from the end of the window that the two samples of a period represent to the end of the
+/// period: a quarter of the period.
 const AFTER_WINDOW: Time = Time::from_us(4);
 
 /// Coil hardware of the native board.

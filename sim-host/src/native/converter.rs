@@ -21,7 +21,7 @@ use super::{DrivenWorld, Wiring};
 
 const SCL_HZ: u32 = 400_000;
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
-/// Time for which INTB stays low without a known edge until an edge counts as missed.
+/// An edge counts as missed when INTB has been low for this long without a known edge.
 const MISSED_EDGE: Time = Time::from_ms(1);
 /// Capacity of the sample queue to the instrument.
 const WAITING: usize = 8;
@@ -229,7 +229,7 @@ impl EdgeReader for NativeEdges<'_> {
             let silent = self.known + silence;
             let (falls, last) = self.falls();
             if self.intb_is_stuck() {
-                // INTB does not fall.
+                // INTB is stuck: the converter's edges do not appear on it.
                 self.taken = falls;
             } else if falls != self.taken {
                 self.taken = falls;

@@ -19,14 +19,14 @@ use crate::stack::{Disturbances, Stack};
 use crate::thermal::{COPPER_PER_KELVIN, ThermalParameters};
 
 /// Range of the spring constant of the frame under the load, N/m (SOURCES.md 3.7: 20 to 200 N/mm).
-/// The stack files give only the calibration rig's.
+/// The stack files give only that of the calibration rig's frame.
 pub const FRAME_SPRING_N_PER_M: Quantity = Quantity::LogUniform {
     min: 20e3,
     max: 200e3,
 };
 
 /// Range of the sensing coil's curvature at full press depth, 1/m: a radius of 50 mm or more, the
-/// milder of the two in SOURCES.md 3.10 (guess).
+/// milder of the two radii in SOURCES.md 3.10 (guess).
 pub const CURVATURE_PER_M: Quantity = Quantity::Uniform {
     min: 0.0,
     max: 20.0,

@@ -62,24 +62,25 @@ pub struct Parameters {
 /// Attraction between the halves of the actuated layer: k I² (1 + γ x_D).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttractionParameters {
-    /// k, N/A², 0 to 0.1.
+    /// k, attraction per squared current at an uncompressed layer, N/A², 0 to 0.1.
     pub n_per_a2: f64,
-    /// γ, 1/m, 0 to 10⁴.
+    /// γ, relative growth of the attraction per compression of the layer, 1/m, 0 to 10⁴.
     pub gradient_per_m: f64,
 }
 
 /// A load with a permeable face. It lies on the upper slab of MSE and reflects the sensing coil's
 /// field there (see [`crate::sensing_coil::integral::CoilIntegral::facing`]). The actuating field
-/// lowers the face's permeability, and the reflection by a part s (I/I_peak)². While it touches,
-/// the actuating coils pull it by k I², against their own layer and through the sensor.
+/// lowers the face's permeability, and the reflection by the relative amount s (I/I_peak)². While
+/// the load touches the sensor, the actuating coils pull the load by k I², against their own layer
+/// and through the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ObjectParameters {
     /// Reflection (μ − 1)/(μ + 1) of the face without current: 1 for an ideal ferrite, −1 for an
     /// ideal conductor, 0 without an effect.
     pub reflection: f64,
-    /// s, 0 to 0.5.
+    /// s, relative loss of the reflection at the peak current, 0 to 0.5.
     pub lost_at_peak: f64,
-    /// k, N/A², 0 to 0.1.
+    /// k, pull of the actuating coils on the load per squared current, N/A², 0 to 0.1.
     pub n_per_a2: f64,
 }
 
@@ -87,9 +88,9 @@ pub struct ObjectParameters {
 /// permeability, so the layer seems to be pressed less by X (I/I_peak)² (1 + g x_S/press depth).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrosstalkParameters {
-    /// X, m, 0 to 10⁻⁴.
+    /// X, apparent displacement at the peak current without a press, m, 0 to 10⁻⁴.
     pub at_peak_m: f64,
-    /// g, relative growth over one press depth, ±0.9.
+    /// g, relative growth of the apparent displacement over one press depth, ±0.9.
     pub slope_per_press_depth: f64,
 }
 

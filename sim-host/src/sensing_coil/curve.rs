@@ -10,7 +10,8 @@ use super::integral::{CoilIntegral, LEAST_GAP_M};
 pub const LARGEST_GAP_M: f64 = 4e-3;
 
 /// Terms of the series. The inductance is analytic for gaps of positive real part, a strip of the
-/// half-width π/2 in the logarithm of the gap, so each term gains a factor of about 2.2.
+/// half-width π/2 in the logarithm of the gap, so each term reduces the error by a factor of about
+/// 2.2.
 const TERMS: usize = 36;
 
 /// L(gap) between [`LEAST_GAP_M`] and [`LARGEST_GAP_M`], with a relative error below 10⁻¹² of
@@ -41,8 +42,8 @@ type Known = ((CoilDesign, Option<f64>, f64), Arc<CoilCurve>);
 /// of plants with one coil.
 static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
-/// Capacity of the cache: more coils than any campaign compares. Beyond it the oldest curve is
-/// dropped.
+/// Capacity of the cache of curves: more coils than any campaign compares. Beyond it the oldest
+/// curve is dropped.
 const KNOWN_AT_MOST: usize = 16;
 
 impl CoilCurve {
@@ -106,7 +107,7 @@ impl CoilCurve {
     }
 }
 
-/// Centre and half the span of the logarithm of the gap: ln 0.1 mm to ln 4 mm.
+/// Centre of the logarithm of the gap, from ln 0.1 mm to ln 4 mm; below, half its span.
 const CENTRE: f64 = -7.365_900_644_919_214;
 const HALF_SPAN: f64 = 1.844_439_727_056_968;
 

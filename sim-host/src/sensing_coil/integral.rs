@@ -10,7 +10,8 @@ use super::{COPPER_M, CoilDesign, Sides};
 /// slab at contact (SOURCES.md section 5).
 pub const LEAST_GAP_M: f64 = 0.1e-3;
 
-/// Upper limit of the integral: exp(−2 · 18.5) is below 10⁻¹⁶.
+/// Upper limit of the wave number in the integral, times [`LEAST_GAP_M`]: exp(−2 · 18.5) is below
+/// 10⁻¹⁶.
 const CUT_OFF: f64 = 18.5;
 
 /// The coil's part of the integrand, tabulated once: S(k)² times the weights of a composite

@@ -9,8 +9,8 @@ use super::curve::CoilCurve;
 /// Quality factor of the reference coil in air with 330 pF (published; SOURCES.md section 5).
 pub const QUALITY_IN_AIR: f64 = 37.0;
 
-/// Relative loss of inductance of a bent coil: 6.5·10⁻⁶ m² over the square of the radius of bending
-/// (SOURCES.md section 3: 0.9974 at 50 mm, 0.984 at 20 mm).
+/// Relative loss of inductance of a bent coil, times the squared radius of bending, m² (SOURCES.md
+/// section 3: 0.9974 at 50 mm, 0.984 at 20 mm).
 pub const BENDING_M2: f64 = 6.5e-6;
 
 /// Distance of the actuated layer's copper from the coil's turns, m (SOURCES.md section 3).
@@ -26,8 +26,8 @@ pub struct TankParameters {
     /// Temperature coefficient of the capacitance, 1/K, ±10⁻³ at most.
     pub capacitance_per_kelvin: f64,
     /// Curvature of the coil per metre of displacement of the layer, 1/m². The coil bends with the
-    /// layer. The stack files do not give it; the draw has a radius of 50 mm or more at full press
-    /// depth (guess).
+    /// layer. The stack files do not give the curvature; the draw has a radius of 50 mm or more at
+    /// full press depth (guess).
     pub curvature_per_m: f64,
     /// Whether the actuated layer's copper lies under the coil, at [`COPPER_M`].
     pub copper: bool,
@@ -72,7 +72,7 @@ pub struct SensingTank {
     /// Curve of the coil before a load whose face reflects its field.
     facing: Option<Arc<CoilCurve>>,
     parameters: TankParameters,
-    /// Loss of inductance per displacement, 1/m².
+    /// Relative loss of inductance by bending, per squared displacement of the layer, 1/m².
     bending_per_m2: f64,
     series_resistance_ohm: f64,
 }

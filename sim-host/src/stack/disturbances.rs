@@ -10,9 +10,9 @@ use crate::sensing_coil::{CoilDesign, Sides};
 /// Ranges of all disturbances, by section of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disturbances {
-    /// Growth of the crosstalk with the press, relative for one press depth, ±0.9.
+    /// Relative growth of the crosstalk over one press depth, ±0.9.
     pub crosstalk_relative_slope_per_press_depth: Quantity,
-    /// Growth of the attraction with the compression of the actuated layer, 1/m, 0 to 10⁴.
+    /// Relative growth of the attraction per compression of the actuated layer, 1/m, 0 to 10⁴.
     pub attraction_relative_gradient_per_m: Quantity,
     /// Creep of the sensor's springs.
     pub creep: CreepRanges,
@@ -37,7 +37,7 @@ pub struct Disturbances {
 /// `[creep]`: each spring of the sensor has three modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CreepRanges {
-    /// Long-term displacement of a mode, as a share of the spring's own, 0 to 1.
+    /// Long-term displacement of a mode, as a share of the spring's instant displacement, 0 to 1.
     pub amplitude: Quantity,
     /// Time constants of the fast, the middle and the slow mode, s, 1 ms to 10⁶.
     pub tau_s: [Quantity; 3],
@@ -61,7 +61,7 @@ pub struct MagnetorheologicalRanges {
 pub struct ThermalRanges {
     /// Ambient temperature less that at calibration, K, ±50.
     pub temperature_change_since_calibration_k: Quantity,
-    /// Growth of the sensor, m/K, 0 to 10⁻⁴.
+    /// Growth of the sensor per kelvin, m/K, 0 to 10⁻⁴.
     pub growth_m_per_k: Quantity,
     /// Heat capacity of the copper, J/K, 10⁻³ to 10⁵.
     pub copper_heat_capacity_j_per_k: Quantity,
@@ -80,7 +80,7 @@ pub struct TankRanges {
     pub coil: CoilDesign,
     /// Capacitance, F, 1 pF to 1 µF.
     pub capacitance_f: Quantity,
-    /// Its temperature coefficient, 1/K, ±10⁻³.
+    /// Temperature coefficient of the capacitance, 1/K, ±10⁻³.
     pub capacitance_tempco_per_k: Quantity,
 }
 
@@ -159,7 +159,7 @@ const SECTIONS: [&str; 11] = [
 const RATIOS: &str = "ratio_to_sensing_spring";
 
 impl Disturbances {
-    /// The file in this crate.
+    /// The disturbances file in this crate.
     ///
     /// # Errors
     /// Never, except for a broken file in the crate, which a test excludes.

@@ -35,7 +35,7 @@ pub struct Stack {
     pub sensing_spring_n_per_m: Quantity,
     /// Spring of the actuated layer without current c_D0, N/m, 10 to 10⁸.
     pub actuated_spring_n_per_m: Quantity,
-    /// Relative rise of that spring at the peak current, ε, 0 to 20.
+    /// Relative rise ε of the actuated layer's spring at the peak current, 0 to 20.
     pub stiffening_at_peak: Quantity,
     /// Field in the actuated layer at the peak current, T, 10⁻⁴ to 3.
     pub field_at_peak_t: Quantity,
@@ -245,7 +245,7 @@ impl Stack {
         ]
     }
 
-    /// Text of its file, with the meaning, unit and range of each key.
+    /// Text of the stack's file, with the meaning, unit and range of each key.
     #[must_use]
     pub fn file(&self) -> String {
         let name = self.name.replace('\\', "\\\\").replace('"', "\\\"");

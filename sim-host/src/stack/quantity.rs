@@ -142,7 +142,7 @@ impl Allowed {
 }
 
 impl Allowed {
-    /// The range without the allowed forms of a quantity.
+    /// Text of the range alone, without the allowed forms of a quantity.
     #[must_use]
     pub fn bounds(&self) -> String {
         let space = if self.unit.is_empty() { "" } else { " " };

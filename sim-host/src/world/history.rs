@@ -15,7 +15,7 @@ pub(super) struct HistorySegment {
     end: Time,
     start_s: f64,
     duration_s: f64,
-    /// Cubic of the frequency in the elapsed share of the step, Hz.
+    /// Coefficients of the cubic that gives the frequency, Hz, for an elapsed share of the step.
     frequency: [f64; 4],
     current_a: (f64, f64),
 }

@@ -17,7 +17,7 @@ use crate::thermal::ThermalState;
 pub(super) struct Inputs {
     pub(super) command: Command,
     pub(super) profile: Profile,
-    /// Additional jumps.
+    /// Jumps of the press in addition to its profile.
     pub(super) jumps: Profile,
 }
 
@@ -43,7 +43,8 @@ impl Inputs {
 pub(super) struct PlantState {
     pub(super) time: Time,
     pub(super) current_a: f64,
-    /// Effective current, A: the root mean square of current and ripple, for effects of its square.
+    /// Effective current, A: the root mean square of current and ripple, for effects that depend on
+    /// the square of the current.
     pub(super) effective_a: f64,
     pub(super) thermal: ThermalState,
     pub(super) play: Play,
@@ -56,8 +57,8 @@ pub(super) struct PlantState {
     pub(super) conditions: ChainConditions,
     pub(super) chain: ChainState,
     pub(super) energy: Energy,
-    /// Whether contact is just being made or lost, so that the next step may start on the other
-    /// side.
+    /// Whether contact is just being made or lost, so that the next step may start in the other
+    /// state of contact.
     pub(super) touching: bool,
 }
 

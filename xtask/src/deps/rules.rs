@@ -18,13 +18,13 @@ pub(super) struct Rule {
     pub(super) name: &'static str,
     /// Crates to which it applies.
     pub(super) who: &'static str,
-    /// Allowed dependencies.
+    /// Crates on which they may depend.
     pub(super) may_depend: On,
     /// Reason.
     pub(super) because: &'static str,
 }
 
-/// A set of crates of the workspace.
+/// A set of crates of the workspace, by name.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum On {
     /// Only these.

@@ -1,4 +1,4 @@
-//! Which results are older than the code on which they rest.
+//! Lists the results that are older than the code on which they rest.
 
 use std::fs;
 
@@ -7,8 +7,9 @@ use anyhow::{Context, Result, bail};
 use super::{CAMPAIGNS, FOLDER, OVERVIEW, document};
 use crate::process::{Invocation, Workspace};
 
-/// Lists the results that are older than their code. Age is no error: a campaign takes long, and one
-/// run stands for many commits. A result that names no commit or path of this repository is one.
+/// Lists the results that are older than their code. An old result is no error: a campaign takes
+/// long, and one run stands for many commits. A result that names no commit or path of this
+/// repository is an error.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let git = |arguments: &[&str]| workspace.output(&Invocation::new("git", arguments));
     if git(&["rev-parse", "--is-shallow-repository"])?.trim() == "true" {
@@ -36,7 +37,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     ))
 }
 
-/// How many commits have changed a result's code since the commit that it names.
+/// Number of commits that have changed a result's code since the commit that the result names.
 fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
     let range = format!("{commit}..HEAD");
     let mut arguments = vec!["rev-list", "--count", &range, "--"];
@@ -44,7 +45,7 @@ fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
     let count = workspace
         .output(&Invocation::new("git", &arguments))
         .with_context(|| format!("its commit `{commit}` is not in this repository"))?;
-    // Asked of git: a folder whose files are gone may be left in one checkout.
+    // Git knows the tracked paths: a folder whose files are gone may be left in one checkout.
     if let Some(path) = paths.iter().find(|path| {
         let files = workspace.output(&Invocation::new("git", &["ls-files", "--", path]));
         files.unwrap_or_default().is_empty()
@@ -58,7 +59,7 @@ fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
 mod tests {
     use super::*;
 
-    /// In a clone without history, and where there is no git, there is nothing to compare.
+    /// In a clone without history, or without git, there is nothing to compare.
     #[test]
     fn a_result_is_as_old_as_the_commits_on_its_paths() {
         let workspace = Workspace::find(None).unwrap();

@@ -1,37 +1,37 @@
-//! The text of the evidence: a row of the overview for each campaign, and a page of details for some.
+//! Text of the evidence: a row of the overview for each campaign, and a page of details for some.
 
 use anyhow::{Result, bail};
 
 use super::provenance::Origin;
 
-/// Ends the line before a campaign's result. The line may begin with anything, since the test
-/// harness prints a test's name without ending its line.
+/// Marker at the end of the line before a campaign's result. The line may begin with anything,
+/// since the test harness prints a test's name without ending its line.
 pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
 
-/// Is the line after a campaign's result.
+/// Marker that is the line after a campaign's result.
 pub(crate) const END: &str = "<!-- evidence:end -->";
 
-/// A result and where it comes from.
+/// A campaign's result and its origin.
 #[derive(Debug)]
 pub(super) struct Record {
     /// Name of the campaign.
     pub(super) name: &'static str,
-    /// What it shows.
+    /// Claim that the result shows.
     pub(super) claim: &'static str,
-    /// The command that was run, seed included.
+    /// The command of the run, with its seed.
     pub(super) command: String,
-    /// The sources, the day and the compiler.
+    /// Sources, day and compiler of the run.
     pub(super) origin: Origin,
-    /// How long it took, building included.
+    /// Duration of the run and its build, s.
     pub(super) seconds: u64,
-    /// The result in a sentence or two.
+    /// The result in one or two sentences.
     pub(super) figure: String,
-    /// What is behind it, as Markdown; empty where the figure says all.
+    /// Details behind the figure, as Markdown; empty where the figure is enough.
     pub(super) details: String,
 }
 
 impl Record {
-    /// Command, commit, and the rest of the origin.
+    /// Command, commit, and the rest of the result's origin.
     fn provenance(&self) -> [String; 3] {
         let Origin {
             commit,
@@ -46,7 +46,7 @@ impl Record {
         ]
     }
 
-    /// Its line of the overview.
+    /// The result's row of the overview.
     pub(super) fn row(&self) -> String {
         let name = if self.details.is_empty() {
             self.name.to_owned()
@@ -58,7 +58,7 @@ impl Record {
         format!("| {name} | {claim} | {figure} | {command} | {commit} | {origin} |")
     }
 
-    /// Its page.
+    /// The result's page.
     pub(super) fn page(&self) -> String {
         let Self {
             name,
@@ -74,7 +74,7 @@ impl Record {
     }
 }
 
-/// The overview with this row in the place of the campaign's last one, or at its end.
+/// The overview with this row in place of the campaign's previous one, or at the end.
 pub(super) fn with_row(overview: &str, name: &str, row: &str) -> String {
     let mut lines: Vec<&str> = overview.lines().collect();
     match lines.iter().position(|line| is_row_of(line, name)) {
@@ -84,7 +84,7 @@ pub(super) fn with_row(overview: &str, name: &str, row: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The commit in a campaign's row; none where no result was kept.
+/// The commit in a campaign's row; `None` where no result was kept.
 pub(super) fn commit<'o>(overview: &'o str, name: &str) -> Option<&'o str> {
     let row = overview.lines().find(|line| is_row_of(line, name))?;
     let commit = row.rsplit(" | ").nth(1)?;
@@ -96,8 +96,8 @@ fn is_row_of(line: &str, name: &str) -> bool {
     start.iter().any(|start| line.starts_with(start))
 }
 
-/// What stands between the two markers of a campaign's output: its first paragraph, the figure, on one line, and the
-/// details.
+/// Text between the two markers of a campaign's output: its first paragraph, the figure, on one
+/// line, and the details.
 pub(super) fn result(printed: &str) -> Result<(String, String)> {
     let Some((_, rest)) = split_once_at_line_end(printed, BEGIN) else {
         bail!("the line `{BEGIN}` is missing");
@@ -200,7 +200,7 @@ mod tests {
         let page = record.page();
         assert!(page.starts_with("# Evidence: trial\n\nA trial.\n\n3 of |x|.\n\n`cargo run -- --seed 7` at 0123abcd (dirty), 2026-02-03,"));
         assert!(page.ends_with("\n\ntext\n"));
-        // A row replaces that of its campaign, whatever page that had.
+        // A row replaces the previous row of its campaign, whatever page the previous one named.
         let overview = with_row(
             "# Evidence\n\n| trials | a | b | c | d | e |\n",
             "trial",

@@ -2,12 +2,12 @@
 //!
 //! # The contract with a campaign
 //!
-//! A campaign is a command of this workspace that is free to print what it likes, and prints its
-//! result to standard output between a line that ends with [`document::BEGIN`] and a line that is
-//! [`document::END`], as Markdown. Its first paragraph is the figure: the result in a sentence or two.
-//! What follows, some 30 lines at most, stays where a reader would question the figure; long tables
-//! are printed before the first marker. It exits with success only when its claim holds. Its seed is
-//! the argument after `--seed`.
+//! A campaign is a command of this workspace. It may print any text, and prints its result to
+//! standard output between a line that ends with [`document::BEGIN`] and a line that is
+//! [`document::END`], as Markdown. Its first paragraph is the figure: the result in a sentence or
+//! two. What follows, some 30 lines at most, stays where a reader would question the figure; long
+//! tables are printed before the first marker. The command exits with success only when its claim
+//! holds. Its seed is the argument after `--seed`.
 //!
 //! `cargo xtask evidence NAME` runs it and writes its row of `docs/evidence/README.md`: claim, figure,
 //! command, commit, date, compiler and duration. Where details follow the figure, the page
@@ -30,33 +30,33 @@ use document::Record;
 pub(crate) use document::{BEGIN, END};
 use provenance::Origin;
 
-/// The folder of the results, in the workspace.
+/// Folder of the results, in the workspace.
 const FOLDER: &str = "docs/evidence";
-/// The page in it with a row for each campaign.
+/// Page in that folder with a row for each campaign.
 const OVERVIEW: &str = "README.md";
 
 /// A long run whose result is kept.
 #[derive(Debug, Clone, Copy)]
 struct Campaign {
-    /// Its name, and the name of its page.
+    /// Name of the campaign and of its page.
     name: &'static str,
-    /// What it shows, in one short sentence.
+    /// Claim that the result shows, in one short sentence.
     claim: &'static str,
-    /// The arguments of cargo.
+    /// Arguments of cargo.
     command: &'static str,
-    /// The code that decides its result: when it changes, the result is out of date.
+    /// Paths of the code that decides the result: when it changes, the result is out of date.
     rests_on: &'static [&'static str],
 }
 
-/// What the converter's driver does against the simulated chip.
+/// Code of the converter's driver on the simulated chip.
 const DRIVER: &[&str] = &[
     "drivers/ldc161x/src",
     "drivers/ldc161x-sim/src",
     "tests/src",
 ];
-/// What drives the coil.
+/// Code that drives the coil.
 const COIL: &[&str] = &["drivers/hbridge/src", "tests/src"];
-/// The instrument in a simulated world.
+/// Code of the instrument in a simulated world.
 const INSTRUMENT: &[&str] = &[
     "drivers",
     "firmware/node",
@@ -66,7 +66,7 @@ const INSTRUMENT: &[&str] = &[
     "sim-host/src",
     "tests/campaigns",
 ];
-/// The native board on its links.
+/// Code of the native board with its links.
 const BOARD: &[&str] = &[
     "drivers",
     "firmware/node",
@@ -77,9 +77,9 @@ const BOARD: &[&str] = &[
     "sim-host/src",
     "tests/src",
 ];
-/// The field solver.
+/// Code of the field solver.
 const FIELD: &[&str] = &["model/field", "tests/campaigns/src/field_accuracy.rs"];
-/// The search among fields, and a simulated sensor.
+/// Code of the search among field designs, and of a simulated sensor.
 const FRONT: &[&str] = &[
     "drivers",
     "firmware/node",
@@ -89,7 +89,7 @@ const FRONT: &[&str] = &[
     "sim-host/src",
     "xtask/src/field_front.rs",
 ];
-/// The firmware's image on the emulated board.
+/// Code of the firmware's image on the emulated board.
 const IMAGE: &[&str] = &[
     "drivers",
     "firmware",
@@ -97,9 +97,9 @@ const IMAGE: &[&str] = &[
     "sim-host",
     "tests/campaigns/src/image",
 ];
-/// The tool at an emulated board.
+/// Code of the tool with an emulated board.
 const DESK: &[&str] = &["drivers", "firmware", "host", "model/src", "sim-host"];
-/// All that reads files for the tool.
+/// Code that reads files for the tool.
 const TOOL_FILES: &[&str] = &[
     "firmware/wire",
     "host",
@@ -107,7 +107,7 @@ const TOOL_FILES: &[&str] = &[
     "sim-host/src",
     "sim-host/emulator/src",
 ];
-/// The tests, and what they test.
+/// The tests, and the code that they test.
 const TESTS: &[&str] = &[
     "drivers",
     "firmware",
@@ -313,7 +313,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
 ];
 
-/// The campaign that `cargo xtask bench-image` runs.
+/// Name of the campaign that `cargo xtask bench-image` runs.
 pub(crate) const IMAGE_COST: &str = "image-cost";
 
 impl Campaign {
@@ -330,7 +330,7 @@ pub(crate) fn list() {
     }
 }
 
-/// Whether there is such a campaign.
+/// Whether a campaign of this name exists.
 pub(crate) fn exists(name: &str) -> bool {
     CAMPAIGNS.iter().any(|campaign| campaign.name == name)
 }
@@ -344,7 +344,7 @@ pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
             known.join(", ")
         );
     };
-    // Read before the run: it is this state of the sources that the run builds.
+    // Read before the run: the run builds this state of the sources.
     let origin = Origin::read(workspace, FOLDER)?;
     let invocation = campaign.invocation();
     write(
@@ -373,7 +373,7 @@ fn write(workspace: &Workspace, record: &Record) -> Result<()> {
     Ok(())
 }
 
-/// Runs a campaign and returns what is kept of it.
+/// Runs a campaign and returns its result.
 fn perform(
     workspace: &Workspace,
     campaign: &Campaign,
@@ -395,7 +395,7 @@ fn perform(
     })
 }
 
-/// Runs a command, shows its output as it comes, and returns what went to standard output.
+/// Runs a command, shows its output as it comes, and returns its standard output.
 fn observe(workspace: &Workspace, invocation: &Invocation) -> Result<String> {
     println!("$ {invocation}");
     let mut child = invocation
@@ -432,10 +432,10 @@ mod tests {
     use super::*;
     use std::env;
 
-    /// Tells the test below to be a campaign, and of which kind.
+    /// Environment variable that makes the test below a campaign, and gives its kind.
     const KIND: &str = "XTASK_FAKE_CAMPAIGN";
 
-    /// Does nothing, unless it is run as a campaign by the tests that follow.
+    /// Does nothing, unless the tests that follow run it as a campaign.
     #[test]
     fn fake_campaign() {
         let kind = env::var(KIND).unwrap_or_default();
@@ -481,7 +481,7 @@ mod tests {
         assert_eq!(record.details, "## Schedules");
     }
 
-    /// So that one engineer can read them.
+    /// Short enough for one engineer to read them.
     #[test]
     fn pages_are_short_and_every_campaign_has_one_row() {
         let folder = Workspace::find(None).unwrap().root().join(FOLDER);
@@ -521,7 +521,7 @@ mod tests {
 
     #[test]
     fn every_campaign_states_its_seed_and_has_a_name_of_its_own() {
-        /// Campaigns that draw no random numbers, or those of seeds of their own.
+        /// Campaigns without random numbers, or with fixed seeds of their own.
         const WITHOUT_CHANCE: &[&str] = &[
             "planted-defects",
             "field-accuracy",

@@ -1,4 +1,4 @@
-//! Which sources, on which day, with which compiler.
+//! Origin of a result: its sources, its day and its compiler.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -6,10 +6,10 @@ use anyhow::{Context, Result};
 
 use crate::process::{Invocation, Workspace};
 
-/// The circumstances of a run that cannot be read from its output.
+/// Circumstances of a run that its output does not show.
 #[derive(Debug)]
 pub(super) struct Origin {
-    /// The commit, with a mark when the sources differed from it.
+    /// The commit, marked if the sources differed from it.
     pub(super) commit: String,
     /// The day, in UTC.
     pub(super) date: String,
@@ -18,8 +18,8 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    /// The circumstances of a run that is about to start. The folder `results` holds what
-    /// campaigns have written; it is no source, and changes in it do not count.
+    /// Circumstances of a run that is about to start. Changes in the folder `results`, which
+    /// campaigns write, do not count as changes of the sources.
     pub(super) fn read(workspace: &Workspace, results: &str) -> Result<Self> {
         Ok(Self {
             commit: commit(workspace, results)?,
@@ -29,7 +29,7 @@ impl Origin {
     }
 }
 
-/// The commit that is checked out, marked `(dirty)` when the sources differ from it.
+/// The commit that is checked out, marked `(dirty)` if the sources differ from it.
 fn commit(workspace: &Workspace, results: &str) -> Result<String> {
     let explain = "evidence names the commit it stands for; run it in a clone with a commit";
     let commit = workspace

@@ -18,14 +18,15 @@ const FOLDER: &str = "target/field-peers";
 /// Installed version of NGSolve, so that the figures can be reproduced.
 const NGSOLVE: &str = "ngsolve==6.2.2608";
 
-/// Sizes of triangles about the core, mm, coarse to fine.
+/// Sizes of NGSolve's triangles about the core, mm, coarse to fine.
 const NGSOLVE_SIZES: [f64; 5] = [8.0, 4.0, 2.0, 1.0, 0.5];
 const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
 
-/// Meshes are graded towards plates.
+/// Sizes of GetDP's triangles in designs with plates, towards which the meshes are graded.
 const GETDP_SIZES_WITH_PLATES: [f64; 3] = [0.8, 0.4, 0.2];
 
-/// The damped Newton method takes dozens of solutions on each; size 0.2 takes six minutes.
+/// Sizes of GetDP's triangles with saturation. The damped Newton method takes dozens of solutions
+/// on each mesh; size 0.2 would take six minutes.
 const GETDP_SIZES_SATURATING: [f64; 2] = [0.8, 0.4];
 
 /// Cost of a command.
@@ -223,7 +224,7 @@ impl PeerBench<'_> {
             wall_s: meshed.wall_s + solved.wall_s,
             peak_mb: meshed.peak_mb.max(solved.peak_mb),
             core_mean_t: first / volume,
-            // Its third axis points against the current's.
+            // GetDP's third axis points against the current's.
             centre_t: -*centre
                 .get(centre.len().wrapping_sub(2))
                 .context("no field")?,

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-/// Start and end.
+/// Start and end of a range, mm.
 pub(super) type Span = [f64; 2];
 
 /// A rectangle in the half-plane.
@@ -34,7 +34,7 @@ pub(super) struct Case {
     pub(super) saturates: bool,
 }
 
-/// Axial position of the mid-plane and of all circles' centres.
+/// Axial position of the mid-plane and of all circles' centres, mm.
 pub(super) const MIDDLE: f64 = 4.14;
 pub(super) const CORE: Section = Section {
     r: [0.0, 8.0],
@@ -152,9 +152,9 @@ impl Case {
         if self.saturates { 10.0 } else { 1.0 }
     }
 
-    /// Factor by which triangles at corners are smaller. The field at corners of plates is far more
-    /// singular: with a factor of 20, NGSolve ends 1.4e-4 off on C1in, however fine the rest of the
-    /// mesh.
+    /// Factor by which triangles at corners are smaller than elsewhere. The field at corners of
+    /// plates is far more singular: with a factor of 20, NGSolve ends 1.4e-4 off on C1in, however
+    /// fine the rest of the mesh.
     pub(super) fn corner_grading(&self) -> f64 {
         if self.plates.is_empty() { 20.0 } else { 400.0 }
     }

@@ -1,5 +1,5 @@
-//! Time to 1e-4 on the core's mean field, against the fastest deck of NGSolve: the triangle sizes
-//! of each case are chosen with the answer known, then both programs run alternately.
+//! Time to 1e-4 on the core's mean field, against the fastest deck of NGSolve: NGSolve's triangle
+//! sizes are chosen for each case with the answer known, then both programs run alternately.
 
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
@@ -14,10 +14,10 @@ use crate::process::Invocation;
 const NAMES: [&str; 6] = ["A", "A10", "B1", "C1in", "backplates", "pot"];
 /// Number of runs of each program, alternating.
 const RUNS: usize = 11;
-/// Number of the quickest settings that are timed again before one is chosen.
+/// Number of the quickest settings of NGSolve that are timed again before one is chosen.
 const SHORTLIST: usize = 3;
 
-/// Number of those timings.
+/// Number of times that each setting of the shortlist is timed again.
 const REPEATED: usize = 3;
 
 /// Netgen's methods to fill a domain with triangles.
@@ -45,7 +45,7 @@ struct Median {
     error: f64,
 }
 
-/// Range of our times over those of NGSolve, and the table.
+/// Range of the ratio of palpate's times to NGSolve's, and the table.
 pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<(String, String)> {
     bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
     let mut rows = Vec::new();
@@ -119,14 +119,14 @@ struct Tried {
     core_mean_t: f64,
 }
 
-/// Quickest setting within [`EQUAL`] of the truth.
+/// Quickest setting of the deck with a result within [`EQUAL`] of `truth`.
 fn choose(bench: &PeerBench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Result<Option<Value>> {
     let good = |tried: &Tried| (tried.core_mean_t / truth - 1.0).abs() <= EQUAL;
     let mut tried = deck(bench, case, &settings(case, mesher))?;
     tried.retain(good);
     tried.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
     tried.truncate(SHORTLIST);
-    // Repeated several times, on one core and on two.
+    // Each repeated several times, on one core and on two.
     let again: Vec<Value> = tried
         .iter()
         .flat_map(|tried| [1, 2].map(|threads| with(&tried.setting, "threads", threads)))
@@ -151,7 +151,7 @@ fn with(setting: &Value, key: &str, value: u32) -> Value {
     setting
 }
 
-/// Candidate settings, sizes in mm.
+/// Candidate settings of NGSolve's deck, sizes in mm.
 fn settings(case: &Case, mesher: Mesher) -> Vec<Value> {
     let plates: &[f64] = if case.plates.is_empty() {
         &[1.0]
@@ -209,7 +209,7 @@ fn median(runs: &[(f64, f64)]) -> Option<Median> {
 }
 
 impl Row {
-    /// Its row of the table.
+    /// Row of the case in the table.
     fn line(&self) -> String {
         let peer = |peer: &Option<(Value, Median)>| match peer {
             Some((_, median)) => format!(

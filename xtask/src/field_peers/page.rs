@@ -72,7 +72,7 @@ pub(super) fn render(rows: &[Compared]) -> (String, String) {
     (figure, table)
 }
 
-/// From the least to the greatest.
+/// Text of a range, from the least to the greatest ratio.
 pub(super) fn range(ratios: &[f64]) -> String {
     let least = ratios.iter().copied().fold(f64::INFINITY, f64::min);
     let greatest = ratios.iter().copied().fold(0.0, f64::max);

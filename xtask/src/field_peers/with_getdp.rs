@@ -8,9 +8,9 @@ use super::cases::{
     SATURATION_A_PER_M, Section,
 };
 
-/// Ratio of the shell's outer to its inner radius.
+/// Ratio of the outer to the inner radius of the shell that extends to infinity.
 const SHELL: f64 = 1.3;
-/// Margin of the boxes that find faces, mm.
+/// Margin of the boxes by which Gmsh finds faces, mm.
 const SLACK: f64 = 0.01;
 
 /// Geometry with triangles of the size `h` in the core, mm.
@@ -198,7 +198,7 @@ pub(super) fn problem(case: &Case) -> String {
 }
 
 const NEWTON: &str = "    Integral { JacNL [ bend[{d a}] * Dof{d a}, {d a} ]; In Bent; Jacobian Vol; Integration Gauss; }\n";
-/// Damped: full Newton steps fail on permalloy's steep law.
+/// Iteration with damped Newton steps: full ones fail on permalloy's steep law.
 const ITERATION: &str =
     "InitSolution[S]; IterativeLoop[200, 1e-7, 0.3] { GenerateJac[S]; SolveJac[S]; }";
 

@@ -31,7 +31,7 @@ pub(crate) struct Patch {
     find: String,
     /// Replacement.
     replace: String,
-    /// Arguments of `cargo test` that must end in failing tests, in the tests' list.
+    /// Arguments of `cargo test` for the tests that the defect must make fail, in the tests' list.
     #[serde(default)]
     test: Vec<String>,
 }

@@ -13,9 +13,10 @@ use crate::stop::Stop;
 
 use super::{BootLoader, EmulatedBoard};
 
-/// Bit of the disabled interfaces that disables the drive (2.8.3.1.5).
+/// Bit of [`BootLoader::disabled_interfaces`] that disables the drive (2.8.3.1.5).
 const NO_DRIVE: u32 = 1;
-/// Delay from a complete UF2 to the reset (the boot ROM's source, `virtual_disk.c`), ms.
+/// Delay from the last block of a complete UF2 to the reset (the boot ROM's source,
+/// `virtual_disk.c`), ms.
 const REBOOT_MS: u32 = 1_000;
 
 /// Reason why a UF2 was not written completely.
@@ -75,10 +76,11 @@ impl<P: Plant> EmulatedBoard<P> {
     }
 
     /// Writes a UF2 as the boot loader's drive does, block by block, in the time that the flash
-    /// needs; the time on the bus is left out. Blocks for other chips are skipped. Every sixteenth
-    /// block number erases a sector, which is right for files of whole sectors such as
-    /// [`crate::Image::to_uf2`] makes. After the last block of a file the board restarts from the
-    /// flash; before, it stays in the boot loader.
+    /// needs; the transfer time on the bus is left out. Blocks for other chips are skipped. As in
+    /// the boot ROM, the first block to arrive of sixteen consecutive block numbers erases its
+    /// sector, which is right for files of whole sectors such as [`crate::Image::to_uf2`] makes.
+    /// After the last block of a file the board restarts from the flash; before that, it stays in
+    /// the boot loader.
     ///
     /// # Errors
     /// [`Uf2Error`].

@@ -11,19 +11,21 @@ use crate::board::bridge::BridgeInputs;
 use crate::board::plant::{Plant, PlantConditions};
 use crate::rp2040::pwm::Wave;
 
-/// Interval at which the plant receives the coil's mean current, if there is any: two periods of
-/// the bridge, over which the ripple averages out.
+/// Interval, ps, at which the plant receives the coil's mean current while there is a current: two
+/// periods of the bridge, over which the ripple averages out.
 const REPORT_PS: u64 = 32_000_000;
-/// Reports per reading of the plant's conditions, which change slowly.
+/// Reports of the current from one reading of the plant's conditions, which change slowly, to the
+/// next.
 const REPORTS_PER_READING: u64 = 4;
-/// Interval at which the conditions are read while there is no current.
+/// Interval, ps, at which the plant's conditions are read while there is no current.
 const IDLE_PS: u64 = 1_000_000_000;
-/// Divider of the coil's supply: 100 kiloohm over 10 kiloohm, with its capacitor.
+/// Ratio of the coil's supply to the voltage at its ADC input: a divider of 100 kiloohm over 10
+/// kiloohm. Below, its time constant with its capacitor.
 const SUPPLY_RATIO: f64 = 11.0;
 const SUPPLY_TAU_S: f64 = 1e-3;
 /// Factor on the bridge's current limit while its self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
-/// Gain of the current amplifier, V/A.
+/// Gain of the current amplifier, V/A; below, its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 
@@ -42,11 +44,11 @@ pub struct BridgeCircuit {
     pub gain_error: f64,
     /// Offset of the current amplifier, A.
     pub offset_a: f64,
-    /// Errors of the converter.
+    /// Errors of the analog-to-digital converter.
     pub converter: ConverterParameters,
     /// Fixed output of the current amplifier, V, if it is stuck or frozen.
     pub amplifier_v: Option<f64>,
-    /// Voltage that replaces the next sample of the current alone, V.
+    /// Voltage that replaces the next sample of the current and no other, V.
     pub wild_v: Option<f64>,
     /// Fixed voltage of the thermistor input, V: 3.3 for an open thermistor, 0 for a short.
     pub thermistor_v: Option<f64>,
@@ -55,7 +57,7 @@ pub struct BridgeCircuit {
 }
 
 impl Default for BridgeCircuit {
-    /// A typical bridge; a converter with wide codes and two codes of noise.
+    /// A typical bridge, and an analog-to-digital converter with wide codes and noise of two codes.
     fn default() -> Self {
         let common = CircuitParameters::common(1.0, 1.0, 1.0);
         Self {
@@ -89,7 +91,7 @@ pub(crate) struct EmulatedCoil {
     /// Coil and supply, as last read from the plant.
     conditions: PlantConditions,
     now_ps: u64,
-    /// Time of the last report to the plant, with the sums at that time.
+    /// Time of the last report to the plant; below, the circuit's sums at that time.
     reported_ps: u64,
     reported: Totals,
 }
@@ -228,7 +230,7 @@ impl EmulatedCoil {
         }
     }
 
-    /// Code of an input; `None` for an unconnected one.
+    /// Code of an ADC input; `None` for an unconnected one.
     pub(crate) fn convert(&mut self, input: usize) -> Option<u16> {
         let volts = match input {
             0 => {

@@ -5,14 +5,14 @@ use ldc161x_sim::{Ack, Chip, ExternalClock, Time};
 /// A second converter, with sensors of constant frequencies, Hz.
 pub(crate) type SecondChip = Chip<[f64; 4]>;
 
-/// One converter or two.
+/// The converters on the bus: one or two.
 #[derive(Clone, Debug)]
 pub(crate) struct Converters<P> {
     pub(crate) first: Chip<P>,
     pub(crate) second: Option<SecondChip>,
-    /// Levels of their SD pins.
+    /// Levels of the converters' SD pins.
     shut_down: [bool; 2],
-    /// Frequency at their CLKIN pins.
+    /// Frequency at the converters' CLKIN pins, Hz; `None` without a clock.
     clkin_hz: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         events.into_iter().flatten().min().map(Time::as_ps)
     }
 
-    /// Levels of INTB; high without a converter.
+    /// Levels of the converters' INTB pins; high for an absent converter.
     pub(crate) fn intb(&self) -> [bool; 2] {
         let second = self.second.as_ref();
         [
@@ -80,7 +80,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         changed
     }
 
-    /// Cuts and restores their power.
+    /// Cuts and restores the converters' power.
     pub(crate) fn cycle_power(&mut self, now: Time) {
         self.first.advance_to(now);
         self.first.brown_out();
@@ -90,26 +90,26 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         }
     }
 
-    /// Whether one of them holds SDA low.
+    /// Whether a converter holds SDA low.
     pub(crate) fn sda_is_low(&mut self, now: Time) -> bool {
         let second = &mut self.second;
         self.first.sda_held_low(now) || second.as_mut().is_some_and(|chip| chip.sda_held_low(now))
     }
 
-    /// Time until which one of them holds SCL low.
+    /// Time until which a converter holds SCL low.
     pub(crate) fn scl_low_until(&mut self, now: Time) -> Option<Time> {
         let first = self.first.scl_held_until(now);
         let second = self.second.as_mut();
         first.max(second.and_then(|chip| chip.scl_held_until(now)))
     }
 
-    /// START with an address byte; returns whether one of them acknowledges it.
+    /// Sends START with an address byte; returns whether a converter acknowledges it.
     pub(crate) fn start(&mut self, now: Time, byte: u8) -> bool {
         let second = self.second.as_mut().map(|chip| chip.start(now, byte));
         self.first.start(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
     }
 
-    /// A byte from the master; returns whether one of them acknowledges it.
+    /// Sends a byte of the master; returns whether a converter acknowledges it.
     pub(crate) fn write(&mut self, now: Time, byte: u8) -> bool {
         let second = self.second.as_mut().map(|chip| chip.write(now, byte));
         self.first.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)

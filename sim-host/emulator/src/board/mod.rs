@@ -44,10 +44,10 @@ use crate::usb::UsbHost;
 /// suppression).
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
-/// Number of attempts of the boot ROM to find a second stage before it starts its loader, and the
-/// duration of each, with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half a
-/// second in total; the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, at the clock
-/// that it finds.
+/// Number of the boot ROM's attempts to find a second stage before it starts its loader. Below, the
+/// duration of one attempt with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half
+/// a second in total; the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, at the
+/// clock that it finds.
 const BOOT_ATTEMPTS: u32 = 128;
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
 
@@ -101,8 +101,8 @@ impl<P: Plant> Clone for EmulatedBoard<P> {
 }
 
 impl<P: Plant> EmulatedBoard<P> {
-    /// A board that is powered now, flashed with an image, with a converter of these settings. The
-    /// firmware sets the converter's clock input, whatever the settings say.
+    /// A board that is flashed with `image` and powered now, with a converter of the settings
+    /// `chip`. The firmware sets the converter's clock input, whatever the settings say.
     #[must_use]
     pub fn new(image: &Image, plant: P, chip: Settings, options: Options) -> Self {
         let second = options.second_converter.map(|sensors| {
@@ -151,13 +151,15 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Boot ROM time, given its usual time with the ring oscillator as after power on.
+    /// Duration of a part of the boot ROM at the present clock, given its duration `usual` with the
+    /// ring oscillator as after power on.
     fn by_the_ring(&self, usual: Time) -> Time {
         let times = BOOT_HZ / self.bus.clock.hz();
         Time::from_ps((usual.as_ps() as f64 * times) as u64)
     }
 
-    /// An erase that a reset has interrupted continues, and the flash does not answer meanwhile.
+    /// Searches for the second stage. An erase that a reset has interrupted continues, and the
+    /// flash does not answer until its end.
     fn finds_second_stage(&mut self) -> bool {
         let mut attempts = 1;
         while !self.bus.has_second_stage() && attempts < BOOT_ATTEMPTS {
@@ -199,9 +201,9 @@ impl<P: Plant> EmulatedBoard<P> {
         self.start();
     }
 
-    /// Lets the core's supply dip to a voltage, V. The chip restarts if its brown-out detection
-    /// sees the dip, as after a power cut; otherwise it continues, which stops the run where that
-    /// is not allowed.
+    /// Lets the core's supply dip to a voltage, V. If the chip's brown-out detection sees the dip,
+    /// the chip restarts as after a power cut. Otherwise the chip continues, or the run stops if
+    /// the voltage is too low for it.
     pub fn dip_core_voltage(&mut self, to_v: f64) {
         if self.bus.restarts_at(to_v) {
             self.cycle_power();
@@ -291,8 +293,8 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Advances through the wait for the next instruction, during which other events happen, and
-    /// returns it in cycles. The instruction takes effect afterwards.
+    /// Advances time while the next instruction is fetched, during which other events happen, and
+    /// returns the fetch's cycles. The instruction takes effect afterwards.
     #[inline]
     fn fetch(&mut self) -> u64 {
         self.bus.stall = 0;
@@ -401,7 +403,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- the debug probe ----
 
-    /// Reads a result from the ADC's FIFO, as a probe does that shows its registers.
+    /// Reads a result from the ADC's FIFO, as a debug probe does that shows the ADC's registers.
     pub fn read_adc_fifo(&mut self) -> u16 {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.adc_mut().take_from_fifo()
@@ -411,7 +413,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.image.symbol("_SEGGER_RTT")
     }
 
-    /// Reads the bytes that the firmware has sent on a channel, as a probe does.
+    /// Reads the bytes that the firmware has sent on a channel, as a debug probe does.
     pub fn read_channel(&mut self, channel: u32) -> Vec<u8> {
         self.control_block()
             .map(|block| rtt::read(&mut self.bus.memory, block, channel))
@@ -546,16 +548,16 @@ impl<P: Plant> EmulatedBoard<P> {
         &mut self.bus.usb.host
     }
 
-    /// Latest time within a USB frame at which the firmware made a bulk IN packet available that
-    /// the host has read, up to 998 us. From 800 us on the controller may hang (RP2040 erratum
-    /// E15).
+    /// Latest time within a USB frame at which the firmware made a bulk IN packet available, among
+    /// the packets that the host has read and times up to 998 us. From 800 us on the controller may
+    /// hang (RP2040 erratum E15).
     #[must_use]
     pub const fn usb_latest_bulk(&self) -> Time {
         self.bus.usb.latest_bulk()
     }
 
-    /// Number of setup packets that arrived while a packet of endpoint 0 was available, which the
-    /// controller then sends as their answer.
+    /// Number of setup packets that arrived while an earlier packet of endpoint 0 was available,
+    /// which the controller then sends as the answer to the setup packet.
     #[must_use]
     pub const fn usb_answered_before(&self) -> u32 {
         self.bus.usb.answered_before()
@@ -603,8 +605,8 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.coil.circuit()
     }
 
-    /// The coil's circuit, to inject faults; the plant's next reading restores the values of coil
-    /// and supply.
+    /// The coil's circuit, to inject faults; the next reading of the plant restores the values of
+    /// coil and supply.
     pub const fn circuit_mut(&mut self) -> &mut Circuit {
         self.bus.coil.circuit_mut()
     }

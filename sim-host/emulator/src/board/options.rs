@@ -21,8 +21,8 @@ pub struct Options {
     pub miss_cycles: u32,
     /// Rise time of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,
-    /// Time from a reset to the first instruction of the image, with the ring oscillator as after
-    /// power on: boot ROM and second stage. Guess.
+    /// Duration of boot ROM and second stage, from a reset to the image's first instruction, with
+    /// the ring oscillator as after power on. Guess.
     pub boot: Time,
     /// Content of the RAM after power on; real memory has random content.
     pub ram_fill: u8,

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use ldc161x_sim::{Sensors, Time, Window};
 use palpate_sim::world::World;
 
-/// Measured quantities other than the sensor.
+/// State of the plant besides the sensor: coil and supply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlantConditions {
     /// Temperature of the coil's thermometer, degrees Celsius.
@@ -38,7 +38,7 @@ pub trait Plant: Sensors + Clone {
     fn advance_to(&mut self, time: Time);
     /// Sets the coil's mean current and its ripple, A rms, from the plant's present time on.
     fn set_current(&mut self, mean_a: f64, ripple_a: f64);
-    /// Other measured quantities at the present time.
+    /// Coil and supply at the present time.
     fn conditions(&self) -> PlantConditions {
         PlantConditions::default()
     }

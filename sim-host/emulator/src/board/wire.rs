@@ -11,18 +11,18 @@ use crate::trace::{Change, Signal, SignalValue};
 pub enum LineFault {
     /// SDA is pulled low from a bit of the next transaction on.
     SdaLow {
-        /// Number of the transaction's bits before the fault.
+        /// Number of bits of the transaction before the fault.
         bit: u32,
-        /// Duration; without end if `None`.
+        /// Duration of the fault; `None` for a fault without end.
         lasting: Option<Time>,
-        /// SCL pulses that end it, as when a target was interrupted within a byte.
+        /// Number of SCL pulses that end the fault, as when a target was interrupted within a byte.
         clocks: Option<u32>,
     },
     /// SCL is held low from a bit of the next transaction on.
     SclHeld {
-        /// Number of the transaction's bits before the fault.
+        /// Number of bits of the transaction before the fault.
         bit: u32,
-        /// Duration; without end if `None`.
+        /// Duration of the fault; `None` for a fault without end.
         lasting: Option<Time>,
     },
 }
@@ -35,7 +35,7 @@ impl LineFault {
     }
 }
 
-/// Record of the bus, enabled by [`crate::Options::record`].
+/// Record of the bus traffic, enabled by [`crate::Options::record`].
 #[derive(Clone, Debug, Default)]
 pub struct WireLog {
     /// Conversions in the order in which the firmware fetched their results.
@@ -59,7 +59,7 @@ impl Hold {
     }
 }
 
-/// SDA and SCL.
+/// SDA and SCL, with the converters on them.
 #[derive(Clone, Debug)]
 pub(crate) struct Wire<P> {
     pub(crate) converters: Converters<P>,
@@ -68,7 +68,7 @@ pub(crate) struct Wire<P> {
     sda: Hold,
     scl: Hold,
     in_transaction: bool,
-    /// Number of bits since the START.
+    /// Number of bits since the last START.
     bits: u32,
     last_edge_ps: Option<u64>,
     /// Levels while the pins are plain outputs.
@@ -208,8 +208,8 @@ impl<P: Plant> Wire<P> {
         self.in_transaction = false;
     }
 
-    /// Records the fetched conversions after each byte: a converter that is reset before the STOP
-    /// has lost its own record.
+    /// Adds newly fetched conversions to the record after each byte: a converter that is reset
+    /// before the STOP would have lost its own record by then.
     fn note_what_was_fetched(&mut self) {
         let Some(log) = &mut self.log else {
             return;

@@ -6,13 +6,13 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Target of the processor.
+/// Rust target of the firmware's processor.
 pub const TARGET: &str = "thumbv6m-none-eabi";
 /// Build profile of images.
 pub const PROFILE: &str = "firmware";
 /// Package of the firmware, and name of its image.
 pub const PACKAGE: &str = "palpate-firmware";
-/// Environment variable that selects the compiled log lines.
+/// Environment variable that selects the log lines that are compiled into the image.
 const LOGS: &str = "DEFMT_LOG";
 
 /// Reason why no image was built.

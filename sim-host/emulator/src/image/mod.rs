@@ -161,8 +161,8 @@ impl Image {
         Ok(image)
     }
 
-    /// The image as a UF2 for the boot loader's drive: every sector with part of the image, whole,
-    /// and no other.
+    /// The image as a UF2 for the boot loader's drive: every sector that contains part of the
+    /// image, as a whole, and no other sector.
     #[must_use]
     pub fn to_uf2(&self) -> Vec<u8> {
         let sector_of = |&sector: &u32| {

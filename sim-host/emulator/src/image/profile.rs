@@ -29,9 +29,9 @@ pub struct Handler {
     pub cycles: u64,
     /// Cycles of the longest run.
     pub worst_cycles: u64,
-    /// Shortest and longest latency from pending to the first instruction. It counts from the start
-    /// of the instruction during which the exception became pending, so it is too long by part of
-    /// an instruction, never too short.
+    /// Shortest and longest latency from pending to the first instruction. The latency counts from
+    /// the start of the instruction during which the exception became pending, so it is too long by
+    /// part of an instruction, never too short.
     pub start: Option<(Time, Time)>,
 }
 
@@ -70,26 +70,26 @@ impl Handler {
 struct HandlerRun {
     exception: u32,
     cycles: u64,
-    /// Location of its last instruction outside of shared functions.
+    /// Index of the run's last instruction outside of shared functions.
     caller: usize,
-    /// Whether it was observed from its entry on.
+    /// Whether the run was observed from its entry on.
     is_whole: bool,
 }
 
 /// Counts since the start of [`EmulatedBoard::profile`](crate::EmulatedBoard::profile).
 #[derive(Clone, Debug)]
 pub struct Profile {
-    /// Cost of every half-word of memory, followed by the image's flash.
+    /// Costs by half-word: first those of memory, then those of the image's flash.
     costs: Vec<Cost>,
     is_shared: Vec<bool>,
     handlers: BTreeMap<u32, Handler>,
     runs: Vec<HandlerRun>,
-    /// Pending interrupts, with the time since when.
+    /// Pending interrupts, one bit each; below, the time since which each is pending.
     pending: u32,
     pending_since: [Time; 32],
 }
 
-/// Number of half-words of memory, which precede those of flash.
+/// Number of half-words of memory, whose costs precede those of flash.
 const RAM_HALF_WORDS: usize = RAM_SIZE / 2;
 /// Exception number of interrupt 0.
 const FIRST_INTERRUPT: u32 = 16;
@@ -200,13 +200,13 @@ impl Profile {
         }
     }
 
-    /// The chip was reset.
+    /// Drops unfinished runs and pending interrupts, after a reset of the chip.
     pub(crate) fn interrupted(&mut self) {
         self.runs.clear();
         self.pending = 0;
     }
 
-    /// What every instruction that was executed has cost, by its address.
+    /// Cost of every executed instruction, by the instruction's address.
     pub fn instructions(&self) -> impl Iterator<Item = (u32, Cost)> {
         let executed = self.costs.iter().enumerate();
         executed
@@ -214,7 +214,7 @@ impl Profile {
             .map(|(index, cost)| (address(index), *cost))
     }
 
-    /// What every exception's handler has cost, by its number.
+    /// Cost of every exception's handler, by the exception's number.
     #[must_use]
     pub const fn handlers(&self) -> &BTreeMap<u32, Handler> {
         &self.handlers

@@ -3,13 +3,13 @@
 
 use crate::rp2040::memory::Memory;
 
-/// Size of a ring's descriptor, bytes.
+/// Size of a ring buffer's descriptor, bytes.
 const RING: u32 = 24;
 const UP_COUNT: u32 = 16;
 const DOWN_COUNT: u32 = 20;
 const RINGS: u32 = 24;
 
-/// Address of a ring, if the firmware has set it up.
+/// Address of the descriptor of a channel's ring buffer; `None` if the firmware has not set it up.
 fn ring(memory: &Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
     let is_ready = (0..)
         .zip(*b"SEGGER RTT")
@@ -46,7 +46,7 @@ impl Ring {
     }
 }
 
-/// Reads the bytes that wait in a channel from the firmware.
+/// Reads the bytes from the firmware that wait in a channel.
 pub(crate) fn read(memory: &mut Memory, block: u32, channel: u32) -> Vec<u8> {
     let Some(ring) = Ring::find(memory, block, false, channel) else {
         return Vec::new();

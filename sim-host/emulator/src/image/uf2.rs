@@ -12,12 +12,12 @@ pub(crate) const PAYLOAD: usize = PAGE;
 const FIRST_MAGIC: u32 = 0x0A32_4655;
 const SECOND_MAGIC: u32 = 0x9E5D_5157;
 const LAST_MAGIC: u32 = 0x0AB1_6F30;
-/// Flags: not for the main flash; a family is given.
+/// Flag of a block that is not for the main flash; below, of a block with a family ID.
 const NOT_MAIN_FLASH: u32 = 1;
 const HAS_FAMILY: u32 = 0x2000;
 /// Family ID of the RP2040 (2.8.4.2).
 const FAMILY: u32 = 0xE48B_FF56;
-/// Offsets of the payload and of the last magic number in a block.
+/// Offset of the payload in a block; below, of the last magic number.
 const HEADER: usize = 32;
 const LAST: usize = 508;
 
@@ -82,8 +82,8 @@ impl Uf2Block {
 
 /// A UF2 of whole sectors, each given by its start address and its bytes.
 ///
-/// The boot ROM erases a sector at every sixteenth block number, not at every new sector: that is
-/// right only for whole sectors.
+/// The boot ROM erases a sector at every sixteenth block number, not at every new sector: only
+/// files of whole sectors are written correctly.
 pub(crate) fn write<'a>(sectors: impl Iterator<Item = (u32, &'a [u8])>) -> Vec<u8> {
     let pages: Vec<(u32, &[u8])> = sectors
         .flat_map(|(address, bytes)| (address..).step_by(PAYLOAD).zip(bytes.chunks(PAYLOAD)))
@@ -160,7 +160,7 @@ mod tests {
             (0x1000_1100, 1, 16)
         );
         assert_eq!(*second.payload, [0x5A; PAYLOAD]);
-        // Each word that identifies the block.
+        // Offset of each word that identifies the block.
         for offset in [0, 4, 8, 16, 28, LAST] {
             let mut foreign = file[..BLOCK].to_vec();
             foreign[offset] ^= 1;

@@ -9,12 +9,14 @@ const CONVERSION: u64 = 96;
 const ENABLE: u32 = 1;
 const TEMPERATURE: u32 = 1 << 1;
 const START_MANY: u32 = 1 << 3;
-/// FCS: results go into the FIFO, which requests DMA transfers.
+/// Bits of FCS: results go into the FIFO, the FIFO requests DMA transfers, the FIFO is empty, the
+/// FIFO is full.
 const FIFO_ENABLE: u32 = 1;
 const ASK_DMA: u32 = 1 << 3;
 const EMPTY: u32 = 1 << 8;
 const FULL: u32 = 1 << 9;
-/// FCS: read while empty, written while full; cleared by writing a one.
+/// Flags of FCS: the FIFO was read while empty, the FIFO was written while full. Writing a one
+/// clears a flag.
 const UNDER: u32 = 1 << 10;
 const OVER: u32 = 1 << 11;
 const THRESHOLD: u32 = 0xF << 24;
@@ -24,15 +26,16 @@ const FIFO_DEPTH: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Adc {
     control: u32,
-    /// Settings of FCS, with its two sticky flags.
+    /// Settings of FCS; below, its two sticky flags.
     fifo_control: u32,
     fifo_flags: u32,
     fifo: VecDeque<u16>,
-    /// Start of the continuous conversions, and the number sampled since.
+    /// Start of the continuous conversions; below, the ADC's clock and the number of conversions
+    /// sampled since then.
     began_ps: u64,
     clock_hz: f64,
     sampled: u64,
-    /// Conversion in progress: the time of its result, and the result.
+    /// Conversion in progress: the time at which its result is ready, and the result.
     converting: Option<(u64, u16)>,
 }
 
@@ -111,7 +114,7 @@ impl Adc {
         self.fifo_control & ASK_DMA != 0 && self.fifo.len() >= self.threshold()
     }
 
-    /// Whether every result goes to DMA at once, and to no one else.
+    /// Whether every result goes to DMA at once, and to no other reader.
     pub(crate) fn feeds_dma(&self) -> bool {
         let is_on = FIFO_ENABLE | ASK_DMA;
         self.fifo_control & is_on == is_on && self.threshold() == 1

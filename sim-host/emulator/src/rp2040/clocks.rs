@@ -3,18 +3,19 @@
 use crate::rp2040::base;
 use crate::time::periods_ps;
 
-/// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
+/// Frequency of the ring oscillator after reset, Hz, divided by 16; 1.8 to 12 MHz, typically 6.5
+/// MHz (2.17.1). Below, that divider.
 const RING_HZ: f64 = 6.5e6;
 const RING_DIVIDER: u32 = 16;
 /// Key in a write to the divider of the ring oscillator (2.17.8).
 const RING_PASS: u32 = 0xAA0;
-/// Time from PWR to LOCK. The datasheet gives no number; guess.
+/// Time from a write of a PLL's PWR to its LOCK, ps. The datasheet gives no number; guess.
 const LOCK_PS: u64 = 100_000_000;
 const ENABLE: u32 = 1 << 11;
 /// Allowed clock of a device at full speed, Hz (USB 2.0 7.1.11: 12 Mbit/s within 0.25 %).
 const USB_HZ: std::ops::RangeInclusive<f64> = 47.88e6..=48.12e6;
-/// Fastest system clock for which the chip is certified, Hz, with a margin for the crystal's error;
-/// below it, the fastest at the initial core voltage (datasheet 2.15.1).
+/// Fastest system clock for which the chip is certified, Hz, and below, the fastest one at the
+/// initial core voltage (datasheet 2.15.1). Both have a margin for the crystal's error.
 const FASTEST_HZ: f64 = 200.1e6;
 pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
 
@@ -24,7 +25,7 @@ pub(crate) struct Clocks {
     crystal: Crystal,
     pub(crate) pll_sys: Pll,
     pub(crate) pll_usb: Pll,
-    /// CTRL and DIV of the ten generators: GPOUT0 to 3, REF, SYS, PERI, USB, ADC, RTC.
+    /// CTRL and DIV of each of the ten generators: GPOUT0 to 3, REF, SYS, PERI, USB, ADC, RTC.
     generators: [(u32, u32); 10],
     random: u64,
     ring_divider: u32,
@@ -38,7 +39,7 @@ struct Crystal {
 }
 
 impl Crystal {
-    /// State after a reset: off, with a delay of 50 000 cycles (2.16.7).
+    /// State after a reset: off, with a start-up delay of 50 000 cycles (2.16.7).
     const fn new() -> Self {
         Self {
             control: 0,
@@ -122,7 +123,7 @@ impl Pll {
             0xC => self.post = value & 0x0007_7000,
             _ => return None,
         }
-        // 2.18.2: the oscillator runs from 750 to 1600 MHz.
+        // 2.18.2: the PLL's own oscillator runs from 750 to 1600 MHz.
         let runs = self.locked_ps.is_some();
         (!runs || (749e6..1601e6).contains(&self.vco_hz(crystal_hz))).then_some(())
     }

@@ -1,23 +1,23 @@
 //! DMA: channels that copy the ADC's results to memory (RP2040 datasheet 2.5).
 
 const CHANNELS: usize = 12;
-/// TREQ_SEL of the ADC's FIFO.
+/// Value of TREQ_SEL for the ADC's FIFO.
 const ADC: u32 = 36;
 const ENABLE: u32 = 1;
-/// Half-words, with an incrementing write address, in a write ring.
+/// Bits of CTRL. Only transfers of half-words to incrementing addresses in a ring are modelled.
 const HALF_WORDS: u32 = 0b01 << 2;
 const SIZE: u32 = 0b11 << 2;
 const READS_GO_ON: u32 = 1 << 4;
 const WRITES_GO_ON: u32 = 1 << 5;
 const RING_OF_WRITES: u32 = 1 << 10;
-/// ADC.FIFO.
+/// Address of the ADC's FIFO register, the only modelled source.
 const FIFO: u32 = 0x4004_C00C;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct DmaChannel {
     read: u32,
     write: u32,
-    /// Transfers left, and the number that a trigger reloads.
+    /// Number of transfers left; below, the number that a trigger reloads.
     left: u32,
     count: u32,
     control: u32,
@@ -67,7 +67,7 @@ impl Dma {
         self.skip(1)
     }
 
-    /// Skips `results` results; returns the address of the last one.
+    /// Advances the waiting channel by `results` results; returns the address for the last one.
     pub(crate) fn skip(&mut self, results: u32) -> Option<u32> {
         let index = self
             .channels

@@ -29,10 +29,10 @@ pub(crate) struct Gpio {
     pads: [u32; PINS],
     out: u32,
     enabled: u32,
-    /// Levels driven from outside, and the mask of the pins driven.
+    /// Levels driven from outside, one bit per pin; below, the mask of the pins driven.
     outside: u32,
     driven: u32,
-    /// Levels at the last edge detection.
+    /// Levels of the pins at the last edge detection.
     seen: u32,
     edges: [u32; 4],
     interrupts: [u32; 4],

@@ -54,7 +54,7 @@ enum MasterState {
     Started,
     /// A byte is in transfer; bit 8 is its acknowledge.
     Byte { kind: ByteKind, value: u8, bit: u8 },
-    /// Between two bytes, with SCL low, until there is a command.
+    /// Between two bytes, with SCL low, until the next command arrives.
     Holding,
     /// Sending STOP.
     Stopping,
@@ -90,7 +90,7 @@ pub(crate) struct I2c {
     command: u32,
     /// Whether the present transfer is a read.
     reading: bool,
-    /// Whether the address has been sent, and no byte since.
+    /// Whether the address has been sent, and no byte after it.
     addressed: bool,
     due_ps: Option<u64>,
     /// Start of the present bit, at the fall of SCL.
@@ -155,7 +155,7 @@ impl I2c {
         self.clocks_ps(self.high_count + self.spike + 7)
     }
 
-    /// Low time of SCL, with the rise of the wire.
+    /// Low time of SCL, including its rise time.
     fn low_ps(&self) -> u64 {
         self.clocks_ps(self.low_count + 1) + self.rise_ps
     }
@@ -390,8 +390,8 @@ impl I2c {
     }
 
     /// Whether the byte of a read command is acknowledged: only if another read follows. `None`
-    /// while that is not known; the block then holds SCL, here before the byte, in silicon before
-    /// its ninth clock.
+    /// while the next command is not known; until then the block holds SCL low, here before the
+    /// byte, in silicon before the byte's ninth clock.
     fn acknowledges(&self, command: u32) -> Option<bool> {
         if command & STOP != 0 {
             return Some(false);
@@ -551,8 +551,8 @@ impl I2c {
     ) -> Option<()> {
         let fixed = !self.enabled;
         match offset {
-            // Master, fast, seven-bit addresses, repeated STARTs, not a target: nothing else is
-            // modelled.
+            // Only a master in fast mode with seven-bit addresses and repeated STARTs is modelled,
+            // and no target.
             0x00 if fixed && value & 0x7F == 0x65 => self.control = value,
             0x04 if fixed && value <= 0x7F => self.target = value,
             0x10 => self.command(value, now_ps, wire),
@@ -564,7 +564,7 @@ impl I2c {
             0x6C => self.enable(value, now_ps, wire),
             0x7C if fixed => self.hold = value,
             0xA0 if fixed && value >= 1 => self.spike = value & 0xFF,
-            // No DMA: both requests stay off.
+            // DMA is not modelled: both requests must stay off.
             0x88 if value == 0 => {}
             _ => return None,
         }

@@ -11,7 +11,7 @@ pub(crate) struct Interrupts {
     pending: u32,
     enabled: u32,
     priority: [u8; 32],
-    /// Lines as driven by the peripherals.
+    /// Levels of the interrupt lines as driven by the peripherals.
     lines: u32,
 }
 
@@ -25,7 +25,7 @@ impl Interrupts {
         self.lines = lines;
     }
 
-    /// Whether any interrupt could run if its priority allowed; this also ends a WFI.
+    /// Whether an enabled interrupt is pending, whatever its priority; this also ends a WFI.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.pending & self.enabled != 0

@@ -7,9 +7,9 @@ use crate::rp2040::rom;
 use crate::rp2040::xip::{Cache, ReadFormat};
 
 pub(crate) const RAM: u32 = 0x2000_0000;
-/// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
+/// Size of the RAM, bytes: four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
 pub(crate) const RAM_SIZE: usize = 264 * 1024;
-/// Mask of addresses in the flash's window; its content repeats.
+/// Mask of the offset in a window of the flash, in which the flash's content repeats.
 const FLASH_MASK: u32 = 0xFF_FFFF;
 
 /// Windows of the flash (2.6.3), 16 MiB each: cached, without allocation, with a forced refill, and
@@ -51,7 +51,7 @@ impl Memory {
         }
     }
 
-    /// Restores the RAM's content of a power on.
+    /// Fills the RAM as at power on.
     pub(crate) fn forget_ram(&mut self) {
         self.ram.fill(self.fill);
     }

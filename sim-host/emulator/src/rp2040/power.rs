@@ -21,37 +21,37 @@ pub(crate) mod block {
     pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
 }
 
-/// PSM.WDSEL: all but the oscillators, as the SDK sets it before it uses the watchdog; and the ring
-/// oscillator.
+/// Value of PSM.WDSEL that selects all blocks but the oscillators, as the SDK sets it before it
+/// uses the watchdog; below, the bit of the ring oscillator.
 const EVERYTHING: u32 = 0x1_FFFC;
 const RING: u32 = 1 << 0;
 const POWER_ON: u32 = 1 << 8;
 
-/// VREG: enabled at 1.10 V, as after power on (2.10.6).
+/// Value of VREG after power on: enabled at 1.10 V (2.10.6).
 const VOLTAGE_AT_START: u32 = 0xB1;
 const CODE_AT_START: u32 = 0xB;
 const REGULATOR_ENABLED: u32 = 1;
 const REGULATES: u32 = 1 << 12;
-/// VSEL of 1.15 V, the minimum above 133 MHz. Steps are 50 mV.
+/// Value of VSEL for 1.15 V, the minimum above 133 MHz. Steps are 50 mV.
 const RAISED: u32 = 0xC;
-/// VSEL of 1.20 V: above it the core exceeds its operating conditions (5.6, 1.21 V).
+/// Value of VSEL for 1.20 V: above it the core exceeds its operating conditions (5.6, 1.21 V).
 const HIGHEST: u32 = 0xD;
-/// Volts per step of VSEL, volts at 0, and the part by which the regulator's output may be lower
-/// (2.10.3, 2.10.6).
+/// Volts per step of VREG's VSEL; below, volts at VSEL 0, and the relative amount by which the
+/// regulator's output may be lower (2.10.3, 2.10.6).
 const STEP_V: f64 = 0.05;
 const LOWEST_V: f64 = 0.55;
 const REGULATOR_ERROR: f64 = 0.03;
-/// BOD: enabled, at 0.86 V, as after power on; volts per step of its VSEL and volts at 0 (2.12.3,
-/// 2.12.8).
+/// Value of BOD, the brown-out detection, after power on: enabled, at 0.86 V. Below, its enable
+/// bit, volts per step of its VSEL, and volts at VSEL 0 (2.12.3, 2.12.8).
 const DETECTION_AT_START: u32 = 0x91;
 const DETECTION_ENABLED: u32 = 1;
 const DETECTION_STEP_V: f64 = 0.043;
 const DETECTION_LOWEST_V: f64 = 0.473;
-/// Part by which the detection's threshold may be higher. The datasheet gives that of the power-on
-/// reset, 3.5 %.
+/// Relative amount by which the threshold of the brown-out detection may be higher. The datasheet
+/// gives 3.5 % for the threshold of the power-on reset only.
 const DETECTION_ERROR: f64 = 0.035;
-/// Time from a write of VSEL to a settled voltage. The datasheet gives no number, and the SDK waits
-/// this long; guess.
+/// Time from a write of VSEL until the voltage has settled, ps. The datasheet gives no number, and
+/// the SDK waits this long; guess.
 const SETTLES_PS: u64 = 1_000_000_000;
 
 /// Reset state of the blocks, and the cause of the last reset.
@@ -119,8 +119,8 @@ impl Power {
         core_v < Self::least_v(RAISED)
     }
 
-    /// Whether the detection may trip at the regulator's voltage, or at its voltage before it
-    /// settled.
+    /// Whether the brown-out detection may trip at the regulator's voltage, or at the previous
+    /// voltage while the present one has not settled.
     pub(crate) fn detection_is_too_high(&self, now_ps: u64) -> bool {
         let is_settled = now_ps >= self.settled_ps;
         let most = if is_settled { u32::MAX } else { CODE_AT_START };
@@ -262,7 +262,7 @@ mod tests {
         assert!(power.detection_is_too_high(5), "not settled");
         assert!(!power.detection_is_too_high(SETTLES_PS));
         assert!(power.detects(1.031) && !power.detects(1.033));
-        // 1.118 V: the regulator may be at 1.116 V.
+        // Threshold 1.118 V: the regulator may be at 1.116 V.
         power.write_regulator(4, 0xF1, SETTLES_PS).unwrap();
         assert!(power.detection_is_too_high(SETTLES_PS));
         power.after_watchdog();

@@ -11,7 +11,8 @@ use crate::rp2040::interrupts::Interrupts;
 pub(crate) struct Private {
     pub(crate) ppb: Ppb,
     pub(crate) interrupts: Interrupts,
-    /// Interrupt controller of the core crate, which stays empty: [`Interrupts`] replaces it.
+    /// Unused interrupt controller of `rp2040_emu`, which its bus trait requires; [`Interrupts`]
+    /// replaces it.
     pub(crate) idle: Nvic,
     /// Event register, set by SEV and cleared by WFE.
     pub(crate) event: bool,

@@ -16,7 +16,7 @@ pub struct LevelTimes {
     /// Number of writes in the first half of a cycle: code that writes after mid-cycle samples has
     /// missed its wrap.
     pub late: u64,
-    /// Shortest time left until the wrap, of writes in the second half.
+    /// Shortest time from a write in the second half of a cycle to the wrap.
     pub least_left: Time,
     /// Longest interval between two writes: above one and a half cycles, one was left out.
     pub longest_gap: Time,
@@ -43,7 +43,8 @@ pub(crate) struct Pwm {
     sys_hz: f64,
     /// Write times of the first slice.
     level_times: LevelTimes,
-    /// Wraps, by slice: up to date for slices whose wraps are used, up to `marked_ps` for others.
+    /// Wrap flags, one bit per slice: up to date for slices whose wraps are used, up to `marked_ps`
+    /// for others.
     raw: u32,
     enabled: u32,
     serviced_ps: u64,
@@ -53,14 +54,14 @@ pub(crate) struct Pwm {
 #[derive(Clone, Debug)]
 struct Slice {
     control: u32,
-    /// Divider in sixteenths.
+    /// Clock divider, in sixteenths.
     divider: u32,
-    /// Count at `since_ps`.
+    /// Counter at `since_ps`.
     count: u32,
     since_ps: u64,
     top: u32,
     compare: u32,
-    /// Written value, active from the next wrap on.
+    /// Written value of TOP, active from the next wrap on.
     next_top: u32,
     next_compare: u32,
 }
@@ -80,7 +81,8 @@ impl Default for Slice {
     }
 }
 
-/// Counting modes: free-running, or falling edges of input B.
+/// Values of CSR's mode: free-running, or falling edges of input B; between them, the bit for
+/// phase-correct counting.
 const FREE: u32 = 0;
 const PHASE_CORRECT: u32 = 1 << 1;
 const FALLING: u32 = 3;
@@ -102,7 +104,7 @@ impl Slice {
         f64::from(self.divider) / 16.0 * 1e12 / sys_hz
     }
 
-    /// Steps from wrap to wrap: up, or up and down.
+    /// Counter steps from one wrap to the next: up, or up and down.
     fn cycle(&self) -> u64 {
         let up = u64::from(self.top) + 1;
         if self.control & PHASE_CORRECT == 0 {
@@ -112,7 +114,7 @@ impl Slice {
         }
     }
 
-    /// Steps since the wrap.
+    /// Counter steps since the last wrap.
     fn position_at(&self, now_ps: u64, sys_hz: f64) -> u64 {
         if !self.runs() {
             return u64::from(self.count);
@@ -159,14 +161,14 @@ impl Slice {
         self.compare = self.next_compare;
     }
 
-    /// Steps left until the wrap, and steps of a half cycle.
+    /// Counter steps left until the wrap, and those of half a cycle.
     fn left_at(&self, now_ps: u64, sys_hz: f64) -> (u64, u64) {
         let cycle = self.cycle();
         (cycle - self.position_at(now_ps, sys_hz), cycle / 2)
     }
 
     fn advance(&mut self, now_ps: u64, sys_hz: f64) {
-        // The largest cycle is 2^17.
+        // Fits in 32 bits: the largest cycle has 2^17 steps.
         self.count = self.position_at(now_ps, sys_hz) as u32;
         self.since_ps = now_ps;
     }
@@ -190,12 +192,13 @@ impl Slice {
     }
 }
 
-/// Both outputs of a slice as functions of time, until a value is written or takes effect.
+/// Both outputs of a slice as functions of time, valid until a compare value is written or takes
+/// effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Wave {
     since_ps: u64,
     position: f64,
-    /// Length of a step; 0 while the slice is stopped.
+    /// Length of a counter step, ps; 0 while the slice is stopped.
     step_ps: f64,
     cycle: f64,
     up: f64,
@@ -225,7 +228,7 @@ impl Wave {
 
     pub(crate) fn is_high(&self, output: usize, now_ps: u64) -> bool {
         let [falls, rises] = self.edges(output);
-        // A thousandth of a step: an edge at the reached time has already happened.
+        // Later by a thousandth of a step: an edge at this very time has already happened.
         let position = self.position_at(now_ps) + 1e-3;
         falls > 0.0 && (position < falls || position >= rises) || falls >= self.up
     }
@@ -345,7 +348,8 @@ impl Pwm {
             .min()
     }
 
-    /// Time of the next such event, or of one that is pending since the last service.
+    /// Time of the next event as in [`Self::next_event`], or of one that is pending since the last
+    /// service.
     pub(crate) fn due_ps(&self) -> Option<u64> {
         self.next_event(self.serviced_ps)
     }
@@ -371,8 +375,8 @@ impl Pwm {
         self.serviced_ps = now_ps;
     }
 
-    /// Raises the wrap flags that were not updated: a slice shows each wrap, with or without its
-    /// interrupt (4.5.2.7).
+    /// Raises the wrap flags of slices whose flags are not kept up to date: a slice shows each
+    /// wrap, with or without its interrupt (4.5.2.7).
     fn mark_wraps(&mut self, now_ps: u64) {
         for index in 0..SLICES {
             if let Some(slice) = self.slices.get(index).filter(|slice| slice.runs())

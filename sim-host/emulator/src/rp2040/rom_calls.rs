@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::board::flash::{FlashOperationKind, PAGE};
 use crate::rp2040::rom::RomFunction;
 
-/// Bits of a command with its address, and of the write-enable command before it.
+/// Number of bits of a write-enable command, and of a command with its address after it.
 const COMMAND_BITS: u64 = 8 + 32;
 /// Cycles of `flash_exit_xip`: twice 2048 rounds of three cycles until pulls have settled, and ten
 /// bytes at six cycles a bit (the boot ROM's source, `program_flash_generic.c`).
@@ -38,7 +38,7 @@ impl Step {
         }
     }
 
-    /// Number of bits sent before the flash starts.
+    /// Number of bits that are sent to the flash before it starts the operation.
     pub(crate) const fn bits(&self) -> u64 {
         match self.kind {
             FlashOperationKind::ProgramPage => COMMAND_BITS + 8 * PAGE as u64,

@@ -46,7 +46,7 @@ const VERSION_4_01: u32 = 0x3430_312A;
 const BYTES: u32 = 7 << 16;
 /// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on one wire.
 const READ_SERIAL: u32 = 31 << 16 | 3 << 8;
-/// CTRLR0 for such a read on four wires.
+/// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on four wires.
 const READ_QUAD: u32 = 2 << 21 | READ_SERIAL;
 /// SPI_CTRLR0: command 03h before each address of 24 bits, all on one wire.
 const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
@@ -57,7 +57,8 @@ const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
 const EACH_QUAD: u32 = 0xA0 << 24 | 4 << 11 | 8 << 2 | 2;
 /// Fast read on four wires (W25Q16JV datasheet, instructions).
 const FAST_READ_QUAD: u32 = 0xEB;
-/// Clocks of that read: the command, address and mode bits, wait, a word.
+/// Clocks of the read that makes the flash continuous: the command, address and mode bits, wait, a
+/// word.
 const FIRST_QUAD_CLOCKS: u64 = 8 + 8 + 4 + 8;
 
 /// System clocks per flash clock in the boot ROM (2.8.3, `flash_exit_xip`).
@@ -70,7 +71,7 @@ const SECOND_STAGE_DIVIDER: u32 = 4;
 const FUNCTION: u32 = 0x1F;
 const NO_FUNCTION: u32 = 31;
 const CHIP_SELECT: usize = 1;
-/// Pins of the bank: SCLK, SS, SD0 to SD3.
+/// Number of pins of the bank: SCLK, SS, SD0 to SD3.
 const PINS: usize = 6;
 /// PADS_QSPI after a reset: VOLTAGE_SELECT, SCLK, SD0 to SD3, SS (2.19.6.4).
 const PADS: [u32; 7] = [0, 0x56, 0x52, 0x52, 0x52, 0x52, 0x5A];

@@ -114,7 +114,7 @@ impl Timer {
             0x34 => self.raised &= !value,
             0x38 => self.enabled = value & 0xF,
             0x3C => self.forced = value & 0xF,
-            // Whether a debugger stops it; there is no debugger.
+            // Selects whether a debugger stops the timer; there is no debugger.
             0x2C => {}
             _ => return None,
         }

@@ -5,14 +5,14 @@
 pub(crate) struct Watchdog {
     enabled: bool,
     pauses: u32,
-    /// Expiry time.
+    /// Time at which the watchdog expires.
     due_ps: Option<u64>,
     /// Time of the last feeding, and the longest interval between two feedings.
     fed_ps: Option<u64>,
     longest_unfed_ps: u64,
     left: u32,
     reason: u32,
-    /// Whether the reset was requested.
+    /// Whether the next reset is a requested one, not a timeout.
     is_forced: bool,
     scratch: [u32; 8],
     tick: u32,
@@ -37,7 +37,7 @@ impl Watchdog {
         self.due_ps.filter(|_| self.enabled)
     }
 
-    /// Whether it resets the chip now.
+    /// Whether the watchdog resets the chip now.
     pub(crate) fn expires(&mut self, now_ps: u64) -> bool {
         let is_due = self.next_event().is_some_and(|due| due <= now_ps);
         if is_due {

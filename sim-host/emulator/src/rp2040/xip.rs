@@ -1,16 +1,16 @@
 //! Cost of a fetch from flash, with its cache (RP2040 datasheet 2.6.3).
 
-/// Bytes of a line; 16 KiB in two ways of 1024 lines each (2.6.3.2: a flush takes 16 kB / 8 bytes /
-/// 2 ways cycles).
+/// Bytes of a cache line; the cache has 16 KiB in two ways of 1024 lines each (2.6.3.2: a flush
+/// takes 16 kB / 8 bytes / 2 ways cycles).
 const LINE: u32 = 8;
 const SETS: usize = 1024;
 
 /// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet, instructions).
 const SERIAL_CLOCKS: u32 = 32;
 /// Cycles of a fetch in addition to the flash clocks: the measured cost of a word, 50 cycles, less
-/// 20 clocks of two cycles (`Options::miss_cycles`).
+/// 20 flash clocks of two cycles (`Options::miss_cycles`).
 const FETCH_CYCLES: u32 = 10;
-/// Cycles of the second word of a line on four wires: eight clocks of two cycles.
+/// Cycles of the second word of a line on four wires: eight flash clocks of two cycles.
 const QUAD_WORD_CYCLES: u32 = 16;
 /// Cycles of a flush: one per line of a way (2.6.3.2).
 pub(crate) const FLUSH_CYCLES: u64 = SETS as u64;

@@ -17,7 +17,7 @@ const ENDS_FRAME_PS: core::ops::RangeInclusive<u64> = 800_000_000..=998_000_000;
 
 /// MAIN_CTRL.
 const ENABLED: u32 = 1;
-/// USB_MUXING: TO_PHY, and with it SOFTCON.
+/// USB_MUXING: TO_PHY; below, SOFTCON, which is set with it.
 const TO_PHY: u32 = 1;
 const MUXING: u32 = 0b1001;
 /// USB_PWR: VBUS_DETECT with its override.
@@ -145,13 +145,13 @@ pub(crate) struct UsbController {
     /// End of the last bus reset, until CONNECTED is set.
     connecting_ps: Option<u64>,
     done: [Done; ENDPOINTS],
-    /// Next buffer of each endpoint.
+    /// Next buffer of each endpoint, one bit each: the first or the second.
     next_half: u32,
     busy: Option<Busy>,
     wakes: bool,
-    /// Last start of frame.
+    /// Time of the last start of frame.
     frame_ps: Option<u64>,
-    /// Whether it hangs until the block is reset (erratum E15).
+    /// Whether the controller hangs until the block is reset (erratum E15).
     hangs: bool,
     /// Whether erratum E15 is emulated; programs without its workaround disable it.
     pub(crate) can_hang: bool,
@@ -677,9 +677,9 @@ impl UsbController {
 
     fn set(&mut self, offset: u32, value: u32) -> Option<()> {
         match offset {
-            // The host's endpoint.
+            // The endpoint in the same register is for host mode, which is not modelled.
             0x00 if value <= 0x7F => self.address = value,
-            // Neither host mode nor shortened times.
+            // Neither host mode nor shortened times are modelled.
             0x40 if value & !ENABLED == 0 => self.main = value,
             0x4C => self.set_control(value)?,
             0x60 => {

@@ -2,27 +2,28 @@
 
 /// Size, bytes.
 pub(crate) const SIZE: usize = 4096;
-/// Endpoints by number and direction: IN of endpoint 0, OUT of endpoint 0, IN of endpoint 1, ...
+/// Number of endpoints, each direction counted: IN of endpoint 0, OUT of endpoint 0, IN of endpoint
+/// 1, ...
 pub(crate) const ENDPOINTS: usize = 32;
 /// Offset of the setup packet.
 const SETUP: usize = 0;
-/// The control words of endpoint 1 and higher.
+/// Offset of the control words of endpoint 1 and higher.
 const ENDPOINT_CONTROL: usize = 0x08;
-/// The buffer control words.
+/// Offset of the buffer control words.
 const BUFFER_CONTROL: usize = 0x80;
-/// Start of the buffers.
+/// Offset of the buffers.
 const BUFFERS: usize = 0x100;
-/// One period of clk_usb: the rest of a half must be written this long before AVAILABLE
-/// (4.1.2.5.1).
+/// One period of clk_usb, ps: the other bits of a half of a buffer control word must be written
+/// this long before AVAILABLE (4.1.2.5.1).
 const SETTLING_PS: u64 = 1_000_000 / 48;
 
 /// Bits of either half of a buffer control word (4.1.2.5.3).
 pub(crate) mod buffer {
     pub(crate) const LENGTH: u16 = 0x3FF;
     pub(crate) const AVAILABLE: u16 = 1 << 10;
-    /// In the lower half only.
+    /// Stalls the endpoint; in the lower half only.
     pub(crate) const STALL: u16 = 1 << 11;
-    /// In the lower half only: the next buffer is the first one.
+    /// Makes the first buffer the next one; in the lower half only.
     pub(crate) const RESET: u16 = 1 << 12;
     pub(crate) const DATA1: u16 = 1 << 13;
     pub(crate) const LAST: u16 = 1 << 14;
@@ -33,18 +34,19 @@ pub(crate) mod buffer {
 #[derive(Clone, Copy, Debug, Default)]
 struct Half {
     seen: u16,
-    /// The rest before its last change, and the time of that change.
+    /// The half's bits other than AVAILABLE before their last change; below, the time of that
+    /// change.
     before: u16,
     changed_ps: Option<u64>,
-    /// Time at which it was last made available.
+    /// Time at which the half was last made available.
     armed_ps: Option<u64>,
 }
 
 /// The memory.
 ///
-/// If a half is made available together with its rest, or less than a period of clk_usb after it,
-/// the controller may read the old rest. Here it always does, until the half is written again: the
-/// worst case of the datasheet.
+/// If a half is made available together with a change of its other bits, or less than a period of
+/// clk_usb after it, the controller may read the old bits. Here it always does, until the half is
+/// written again: the worst case of the datasheet.
 #[derive(Clone, Debug)]
 pub(crate) struct PacketMemory {
     bytes: [u8; SIZE],
@@ -67,7 +69,7 @@ impl PacketMemory {
         }
     }
 
-    /// Number of times that a half was made available too soon after its rest.
+    /// Number of times that a half was made available too soon after a change of its other bits.
     #[cfg(test)]
     pub(crate) const fn races(&self) -> u32 {
         self.races

@@ -6,11 +6,11 @@ pub(crate) const LARGEST_PACKET: usize = 64;
 /// Length of a frame (USB 2.0 7.1.12).
 pub(crate) const FRAME_PS: u64 = 1_000_000_000;
 
-/// SYNC, PID, address, endpoint, CRC and end of packet (USB 2.0 8.4.1).
+/// Bits of a token: SYNC, PID, address, endpoint, CRC and end of packet (USB 2.0 8.4.1).
 const TOKEN_BITS: u64 = 8 + 8 + 7 + 4 + 5 + 3;
-/// SYNC, PID and end of packet (USB 2.0 8.4.5).
+/// Bits of a handshake: SYNC, PID and end of packet (USB 2.0 8.4.5).
 const HANDSHAKE_BITS: u64 = 8 + 8 + 3;
-/// SYNC, PID, CRC and end of packet around the data (USB 2.0 8.4.4).
+/// Bits of a data packet besides its data: SYNC, PID, CRC and end of packet (USB 2.0 8.4.4).
 const DATA_BITS: u64 = 8 + 8 + 16 + 3;
 /// Minimum gap between two packets of the host (USB 2.0 7.1.18.1).
 const GAP_BITS: u64 = 2;

@@ -15,20 +15,21 @@ const READ_UNIQUE_ID: u8 = 0x4B;
 const BLOCK_ERASE_32: u8 = 0x52;
 const READ_JEDEC_ID: u8 = 0x9F;
 const BLOCK_ERASE_64: u8 = 0xD8;
-/// All ones end continuous read; otherwise they are not a command.
+/// A byte of all ones. It ends continuous read; otherwise it is not a command.
 const NOTHING: u8 = 0xFF;
 
-/// Manufacturer, memory type and capacity (datasheet, command 9Fh).
+/// Answer to command 9Fh: manufacturer, memory type and capacity (datasheet).
 const JEDEC_ID: [u8; 3] = [0xEF, 0x40, 0x15];
-/// Status register 1: an operation runs, writing is enabled (datasheet, status registers).
+/// Bit of status register 1 while an operation runs; below, while writing is enabled (datasheet,
+/// status registers).
 const BUSY: u8 = 1 << 0;
 const WRITE_ENABLED: u8 = 1 << 1;
-/// Status register 2: quad enabled, the factory setting of a Pico's part (datasheet, status
-/// registers).
+/// Value of status register 2: quad enabled, the factory setting of a Pico's part (datasheet,
+/// status registers).
 const STATUS_2: u8 = 1 << 1;
 
 impl FlashOperationKind {
-    /// Operation of a command.
+    /// Operation that a command starts; `None` for other commands.
     pub(crate) const fn of(command: u8) -> Option<Self> {
         match command {
             PAGE_PROGRAM => Some(Self::ProgramPage),

@@ -16,8 +16,8 @@ pub(crate) use geometry::{PAGE, SECTOR, SIZE};
 use sectors::Sectors;
 use transfer::Transfer;
 
-/// Part of an erase's time in which it first clears all bits, so that the cells age alike. The
-/// datasheet does not give it; guess.
+/// Share of an erase's duration in which the flash first clears all bits, so that the cells age
+/// alike. The datasheet does not give it; guess.
 const CLEARING: f64 = 1.0 / 3.0;
 
 /// Durations of the flash's operations (W25Q16JV datasheet, AC characteristics).
@@ -26,7 +26,7 @@ pub enum FlashTimes {
     /// Typical: a page 0.4 ms, a sector 45 ms, a block of 32 KiB 120 ms, one of 64 KiB 150 ms.
     #[default]
     Typical,
-    /// Longest times of the datasheet: 3 ms, 400 ms, 1.6 s and 2 s.
+    /// Longest: a page 3 ms, a sector 400 ms, a block of 32 KiB 1.6 s, one of 64 KiB 2 s.
     Longest,
 }
 
@@ -93,7 +93,8 @@ pub struct Flash {
     log: Arc<Vec<FlashOperation>>,
     unique_id: [u8; 8],
     chance: Chance,
-    /// Number of operations before the one in which the power fails.
+    /// Number of operations left before the one in which the power fails; `None` if no such failure
+    /// is requested.
     cut_after: Option<u64>,
     power_fails_ps: Option<u64>,
     running: Option<Running>,
@@ -102,7 +103,7 @@ pub struct Flash {
     /// EBh).
     is_continuous: bool,
     transfer: Option<Transfer>,
-    /// Whether its contents have changed since the last query.
+    /// Whether the flash's contents have changed since the last query.
     has_changed: bool,
 }
 
@@ -138,7 +139,7 @@ impl Flash {
 
     // ---- inspection and faults ----
 
-    /// A byte, by its address from the start of the flash; addresses repeat every 2 MiB.
+    /// Byte at an address, counted from the start of the flash; addresses repeat every 2 MiB.
     #[must_use]
     #[inline]
     pub fn byte(&self, address: u32) -> u8 {
@@ -325,7 +326,7 @@ impl Flash {
         }
     }
 
-    /// Ends the running operation after this part of its time.
+    /// Ends the running operation after the share `passed` of its duration.
     fn finish(&mut self, passed: f64) {
         let Some(running) = self.running.take() else {
             return;
@@ -397,7 +398,8 @@ const fn sector_of(address: u32) -> u32 {
     (address % SIZE as u32) & !(SECTOR as u32 - 1)
 }
 
-/// Bits of a byte that have changed after a part of the time: none at 0, all at 1.
+/// Bits of a byte that have changed after the share `passed` of an operation's duration: none at 0,
+/// all at 1.
 fn changed(chance: &mut Chance, passed: f64) -> u8 {
     if passed < 1.0 {
         chance.bits(passed)
@@ -561,7 +563,8 @@ mod tests {
         assert_ne!(of(1), of(2));
     }
 
-    /// A flash whose power fails in one operation, and the elapsed part of its time.
+    /// A flash whose power failed in one operation, and the share of the operation's duration until
+    /// then.
     fn cut(seed: u64, kind: FlashOperationKind, before: u8, page: u8) -> (Flash, f64) {
         let mut flash = Flash::new(&vec![before; SIZE], FlashTimes::Typical, seed);
         flash.cut_power_at_operation(0);
@@ -588,7 +591,8 @@ mod tests {
                 .iter()
                 .map(|byte| (byte & 0xC0).count_zeros() - 6)
                 .sum();
-            // Of 512 bits, the elapsed part has changed; 4.5 standard deviations.
+            // Of the 512 bits to be cleared, the share `passed` is expected; the bound is 4.5
+            // standard deviations.
             assert!((f64::from(cleared) - passed * 512.0).abs() < 51.0, "{seed}");
             assert_eq!(flash.byte(PAGE as u32), 0xF0);
         }
@@ -645,7 +649,7 @@ mod tests {
 
     fn deeds() -> impl Strategy<Value = Vec<Deed>> {
         use FlashOperationKind::{EraseBlock32, EraseBlock64, EraseSector};
-        // Few addresses, so that the actions overlap; the last ones as well.
+        // Few addresses, so that the actions overlap; the last ones of the flash as well.
         let address = prop_oneof![0..0x2_2000_u32, SIZE as u32 - 0x400..SIZE as u32];
         let kind = prop_oneof![Just(EraseSector), Just(EraseBlock32), Just(EraseBlock64)];
         let bytes = proptest::collection::vec(any::<u8>(), 1..600);

@@ -24,7 +24,8 @@ impl Transfer {
         }
     }
 
-    /// Bytes for a page. They wrap within it, and the last ones count (datasheet, command 02h).
+    /// Data bytes for a page. They wrap within the page, and a later byte replaces an earlier one
+    /// at the same place (datasheet, command 02h).
     pub(super) fn page(&self, address: u32) -> Box<[u8; PAGE]> {
         let mut page = Box::new([0xFF; PAGE]);
         let offsets = (0..PAGE).cycle().skip(address as usize % PAGE);

@@ -17,26 +17,26 @@ mod base {
     }
 }
 
-/// XIP_CTRL by offset, and its value after a reset: enabled, errors on writes (2.6.3.6).
+/// Registers of XIP_CTRL by offset; last, the value of CTRL after a reset: enabled, errors on
+/// writes (2.6.3.6).
 const CTRL: u32 = 0x0;
 const FLUSH: u32 = 0x4;
 const STAT: u32 = 0x8;
 const ENABLED: u32 = 0b11;
-/// STAT: a flush is complete, and nothing is streamed.
+/// Value of STAT: a flush is complete, and nothing is streamed.
 const READY: u32 = 0b11;
-/// Scratch register of the watchdog, and its value for a start at an address from other scratch
-/// registers (2.8.1.1).
+/// Scratch register of the watchdog that requests a start at an address from other scratch
+/// registers; below, its value for that (2.8.1.1).
 const DIRECT_BOOT_SCRATCH: u32 = 0x1C;
 const DIRECT_BOOT: u32 = 0xB007_C0D3;
 /// Mode bits that keep the flash in continuous read, as the second stage sends them.
 const CONTINUOUS: u8 = 0xA0;
-/// Bytes of the second stage; the last four are its checksum (2.8.1.3).
+/// Bytes of the second stage; below, of the checksum at its end (2.8.1.3).
 const SECOND_STAGE: u32 = 256;
 const CHECKSUM: u32 = 4;
 
 impl<P: Plant> SystemBus<P> {
-    /// Result of an access to a block. A misuse stops the run; `None` if the access is not
-    /// modelled.
+    /// Value of an access to a block; `None` if the access is not modelled. A misuse stops the run.
     pub(super) fn accept<T: Default>(&mut self, result: Result<T, Refusal>) -> Option<T> {
         match result {
             Ok(value) => Some(value),

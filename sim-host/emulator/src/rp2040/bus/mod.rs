@@ -35,8 +35,8 @@ use crate::time::Clock;
 use crate::trace::Trace;
 use crate::usb::{self, Usb};
 
-/// Wait cycles of a read and of a write at the APB bridge: one for the second cycle, plus one for a
-/// read and two for a write (datasheet 2.1.3).
+/// Wait cycles of a read at the APB bridge; below, of a write: one for the access's second cycle,
+/// plus one for a read and two for a write (datasheet 2.1.3).
 const APB_READ_CYCLES: u32 = 2;
 const APB_WRITE_CYCLES: u32 = 3;
 /// The processor's clock after a reset, Hz: the ring oscillator.
@@ -48,7 +48,8 @@ pub(crate) struct SystemBus<P> {
     pub(crate) memory: Memory,
     pub(crate) private: Private,
     pub(crate) clock: Clock,
-    /// Address of the present instruction, and its wait cycles for memory and registers.
+    /// Address of the present instruction; below, the instruction's wait cycles for memory and
+    /// registers.
     pc: u32,
     pub(crate) stall: u32,
     pub(crate) stop: Option<Stop>,
@@ -134,7 +135,7 @@ impl<P: Plant> SystemBus<P> {
         self.trace_pulses(now_ps);
         self.run_coil(now_ps);
         self.memory.cache.flush();
-        // The flash acts on the bytes already sent; the rest does not arrive.
+        // The flash acts on the bytes already sent; the rest of a command does not arrive.
         self.memory.flash.deselect(now_ps);
         self.ssi = Ssi::new();
         self.rom_calls = RomCalls {

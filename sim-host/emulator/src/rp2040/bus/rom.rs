@@ -15,13 +15,14 @@ use super::SystemBus;
 
 /// Delay from `reset_to_usb_boot` to the reset (the boot ROM's source, `bootrom_main.c`), ms.
 const USB_BOOT_MS: u32 = 10;
-/// WATCHDOG registers and their enable bit (RP2040 datasheet 4.7.6).
+/// WATCHDOG registers by offset; last, the enable bit of CTRL (RP2040 datasheet 4.7.6).
 const WATCHDOG_CTRL: u32 = 0x00;
 const WATCHDOG_LOAD: u32 = 0x04;
 const WATCHDOG_SCRATCH: [u32; 2] = [0x0C, 0x10];
 const WATCHDOG_TICK: u32 = 0x2C;
 const WATCHDOG_ENABLE: u32 = 1 << 30;
-/// A tick of 12 cycles of the crystal, to which the boot ROM switches the reference clock, Hz.
+/// Value of TICK for a tick of 12 cycles of the crystal, to which the boot ROM switches the
+/// reference clock; below, the crystal's frequency, Hz.
 const TICK_OF_12: u32 = 1 << 9 | 12;
 const CRYSTAL_HZ: f64 = 12e6;
 
@@ -199,7 +200,7 @@ impl<P: Plant> SystemBus<P> {
 
     // ---- time ----
 
-    /// Ends a function after some cycles.
+    /// Makes a function of the boot ROM end after some cycles.
     fn wait(&mut self, function: RomFunction, cycles: u64) {
         let wait_ps = periods_ps(cycles, self.clock.hz());
         self.rom_calls.running = Some(Running {
@@ -216,7 +217,7 @@ impl<P: Plant> SystemBus<P> {
         self.memory.flash.exit_continuous();
     }
 
-    /// Starts a function that erases and programs.
+    /// Starts a function of the boot ROM that erases and programs the flash.
     pub(crate) fn run(&mut self, function: RomFunction, steps: VecDeque<Step>) {
         // The ROM drives chip select by software, and leaves it high.
         self.ssi.deselect_by_hand();
@@ -227,7 +228,7 @@ impl<P: Plant> SystemBus<P> {
         });
     }
 
-    /// Time at which a step that starts now has been sent.
+    /// Time at which all bits of a step that starts now have been sent.
     fn sent_ps(&self, step: Option<&Step>) -> u64 {
         let cycles = step.map_or(0, Step::bits) * u64::from(self.ssi.divider());
         self.clock.now_ps() + periods_ps(cycles, self.clock.hz())

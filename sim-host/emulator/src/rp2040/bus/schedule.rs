@@ -8,7 +8,7 @@ use crate::rp2040::clocks::FASTEST_AT_START_HZ;
 
 use super::SystemBus;
 
-/// The processor's clock in the boot ROM's loader, as USB needs it, Hz.
+/// The processor's clock in the boot ROM's loader, Hz: the frequency that USB needs.
 const BOOT_LOADER_HZ: f64 = 48e6;
 
 /// Interrupt numbers (datasheet 2.3.2).
@@ -54,7 +54,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Coil and trace use the old levels up to the wrap.
+    /// Applies new PWM levels at the wrap. Coil and trace use the old levels up to it.
     fn service_pwm(&mut self, now_ps: u64) {
         if self.trace.is_some() {
             let due_ps = self.pwm.due_ps().unwrap_or(now_ps);

@@ -10,8 +10,8 @@ use crate::trace::{Signal, SignalValue};
 
 use super::SystemBus;
 
-/// Number of conversions that fill the ring of memory behind the ADC at any of its sizes: where no
-/// interrupt reads each result, only the last ones are made.
+/// Number of conversions that fill the ring buffer in memory behind the ADC, whatever its size:
+/// where no interrupt reads each result, only that many last conversions are made.
 const LAST_CONVERSIONS: u64 = 16;
 
 impl<P: Plant> SystemBus<P> {
@@ -69,7 +69,7 @@ impl<P: Plant> SystemBus<P> {
     }
 
     /// Drives a pin whose falling edges a PWM slice counts, if the pin is its input B (2.19.2);
-    /// returns whether it falls.
+    /// returns whether the pin falls.
     fn drive_interrupt(&mut self, pin: usize, slice: usize, high: bool) -> bool {
         if self.gpio.level(pin) == high {
             return false;
@@ -100,7 +100,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// SDA and SCL as plain pins.
+    /// Passes the levels of SDA and SCL to the bus while they are plain pins.
     fn follow_plain_bus(&mut self, now_ps: u64) {
         let gpio = &self.gpio;
         let is_plain = [pin::SCL, pin::SDA].map(|pin| gpio.function(pin) == function::SIO);
@@ -193,8 +193,8 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Skips results that later ones will overwrite: without the control interrupt the firmware
-    /// does not read each result.
+    /// Skips conversions whose results later ones will overwrite: without the control interrupt the
+    /// firmware does not read each result.
     fn skip_conversions(&mut self, now_ps: u64) {
         let waiting = self.adc.sampled_by(now_ps);
         let are_read = self.pwm.interrupts() || !self.adc.feeds_dma();
@@ -202,13 +202,14 @@ impl<P: Plant> SystemBus<P> {
             return;
         }
         let skipped = waiting - LAST_CONVERSIONS;
-        // At most one second of conversions, at 500 000 per second.
+        // Fits in 32 bits: at most one second of conversions, at 500 000 per second.
         self.dma.skip(skipped as u32);
         self.adc.skip(skipped);
     }
 
-    /// Stores a result in the FIFO, and on in memory. With a FIFO that always requests, DMA would
-    /// take hundreds of copies until the next result; here it takes as many as fill any ring.
+    /// Stores a result in the FIFO, and from there in memory. If the FIFO always requests, DMA
+    /// would copy a result hundreds of times until the next one; here it makes as many copies as
+    /// fill any ring buffer.
     fn store_result(&mut self, code: u16) {
         self.adc.put_into_fifo(code);
         for _ in 0..LAST_CONVERSIONS {

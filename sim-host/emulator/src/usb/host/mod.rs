@@ -30,7 +30,7 @@ const DEBOUNCE: Time = Time::from_ms(100);
 const RESET: Time = Time::from_ms(10);
 /// Time after a reset in which a device need not answer (USB 2.0 7.1.7.5).
 const RESET_RECOVERY: Time = Time::from_ms(10);
-/// Duration of a resume, and the device's recovery time after it (USB 2.0 7.1.7.7).
+/// Duration of a resume; below, the device's recovery time after it (USB 2.0 7.1.7.7).
 const RESUME: Time = Time::from_ms(20);
 const RESUME_RECOVERY: Time = Time::from_ms(10);
 /// Recovery time after SET_ADDRESS (USB 2.0 9.2.6.3).
@@ -129,7 +129,7 @@ enum Origin {
     Enumeration,
 }
 
-/// Turn of a pipe.
+/// Pipe that has its turn in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
     Control,
@@ -192,7 +192,7 @@ pub struct UsbHost {
     submitted: u32,
     pipes: Option<Pipes>,
     last_turn: usize,
-    /// NAKs in this frame, by turn.
+    /// Number of NAKs in this frame, by turn.
     naks: [u32; TURNS.len()],
     outgoing: VecDeque<u8>,
     incoming: Vec<u8>,
