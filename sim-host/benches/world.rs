@@ -33,12 +33,12 @@ fn pressed() -> World {
     world
 }
 
-/// A saw-tooth of falling ramps, 50 ms each, set a thousand times a second.
+/// Current, A, of a saw-tooth of falling ramps of 50 ms each, to be set every millisecond.
 fn current_a(milliseconds: u64) -> f64 {
     10.0 * (1.0 - (milliseconds % 50) as f64 / 50.0)
 }
 
-/// The unit of throughput is a simulated second.
+/// The plant alone; the unit of throughput is a simulated second.
 #[divan::bench]
 fn plant_alone(bencher: Bencher<'_, '_>) {
     let mut world = pressed();
@@ -51,7 +51,7 @@ fn plant_alone(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// A campaign makes a world of a known coil for every plant.
+/// Making a world whose coil is known, as a campaign does for every plant.
 #[divan::bench]
 fn new_world(bencher: Bencher<'_, '_>) {
     let stack = Stack::builtin("ultrasoft").expect("it comes with the crate");
@@ -76,7 +76,7 @@ fn new_coil() -> palpate_sim::sensing_coil::curve::CoilCurve {
     )
 }
 
-/// A converter at about 1 kHz: 30 MHz, 16 · 1875 periods.
+/// A converter at about 1 kHz: conversions of 16 · 1875 periods of 30 MHz.
 fn converting(world: &SharedWorld) -> RefCell<Chip<SharedWorld>> {
     let settings = world.borrow().chip_settings(30e6);
     let chip = RefCell::new(Chip::new(settings, world.clone()));
@@ -143,8 +143,8 @@ fn plant_and_chip_read_over_the_bus(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// The whole board: plant, converter, bus, driver and procedure, with every record kept. Five
-/// simulated seconds of watching, at 1 kHz.
+/// The whole board: plant, converter, bus, driver and procedure, with every record kept, during
+/// five simulated seconds of watching at 1 kHz.
 #[divan::bench]
 fn whole_board(bencher: Bencher<'_, '_>) {
     bencher

@@ -16,7 +16,7 @@ use rand_pcg::Pcg64;
 /// one sequence of eight, to test heating.
 const STEPS: u32 = 12;
 const HOT: u64 = 8;
-/// Periods per step of the temperatures: 1 ms.
+/// Periods of the PWM per step of the temperatures: 1 ms.
 const THERMAL_PERIODS: u32 = 62;
 /// Levels of the bridge's PWM: half of 16 us at 200 MHz.
 const FULL_LEVEL: f32 = 1_600.0;
@@ -38,7 +38,7 @@ const TEMPERATURE_K: f64 = 5.0;
 pub struct Summary {
     /// Number of sequences.
     pub sequences: u64,
-    /// Number of accepted current lines, and of refused orders.
+    /// Number of accepted current lines; below, of refused orders.
     pub begun: u64,
     /// See [`begun`](Self::begun).
     pub refused: u64,
@@ -50,8 +50,8 @@ pub struct Summary {
     pub peak_a: f64,
     /// Largest share of the allowed energy that was used.
     pub energy: f64,
-    /// Largest error of the predicted copper temperature, K, and the highest temperature above the
-    /// initial one, K.
+    /// Largest error of the predicted copper temperature, K; below, the highest temperature above
+    /// the initial one, K.
     pub error_k: f64,
     /// See [`error_k`](Self::error_k).
     pub rise_k: f64,
@@ -400,7 +400,7 @@ impl GuardSequence {
             self.defect("asleep with an input high".to_owned());
         }
         let driven = before == DriveState::Driving && period.output.awake;
-        // From the first pulse on: until then the bridge wakes up.
+        // Counts from the first pulse on: until then the bridge wakes up.
         let begun = self.awake_periods > 0 || levels.in1 > 0 || levels.in2 > 0;
         self.awake_periods = if driven && begun {
             self.awake_periods + 1

@@ -56,9 +56,9 @@ pub struct ScheduleOutcome {
     pub recoveries: u32,
     /// Unprotected schedules: trusted readings that differ from the chip's word.
     pub wrong: u32,
-    /// Number of those that were plausible as ratios of counts.
+    /// Unprotected schedules: wrong trusted readings that were plausible as ratios of counts.
     pub wrong_but_plausible: u32,
-    /// Whether it measured again at the end. A permanent fault may prevent that.
+    /// Whether the program measured again at the end. A permanent fault may prevent that.
     pub measuring: bool,
     /// Whether the schedule contained a permanent fault.
     pub lasting_fault: bool,
@@ -598,7 +598,7 @@ pub struct Summary {
     pub recoveries: u64,
     /// Unprotected schedules: wrong words trusted.
     pub wrong: u64,
-    /// Those of them that were plausible as ratios of counts.
+    /// Unprotected schedules: wrong words trusted that were plausible as ratios of counts.
     pub wrong_but_plausible: u64,
     /// Documented errors by name.
     pub errors: BTreeMap<&'static str, u64>,

@@ -51,7 +51,7 @@ const SWEEP: f64 = 0.01;
 const SWEEP_S: f64 = 1.618_034;
 /// Number of sweeps in a run of a random plan.
 const SWEEPS: f64 = 5.39;
-/// Longer than any frame.
+/// Time limit of a frame, longer than any frame takes.
 const LONGEST_FRAME: Time = Time::from_ms(60_000);
 
 /// Reads `readings` frames and compares.

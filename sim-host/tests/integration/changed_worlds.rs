@@ -263,7 +263,8 @@ fn a_slow_press_sticks_and_slips_where_the_springs_say() {
         stick_n,
         slip_n,
     } = FRICTION;
-    // Each slip from springs in series: the press's position at which the slider breaks loose.
+    // Expected slips, from springs in series: the press's position at which the slider breaks
+    // loose.
     let (mut slider_m, mut expected_m) = (0.0, Vec::new());
     for _ in 0..12 {
         let loose_m = slider_m + stick_n / k;

@@ -95,14 +95,15 @@ fn the_ripple_is_known_from_coil_and_supply() {
         }
     }
     println!("ripple {:.1e}, missed {:.1e}", greatest.0, greatest.1);
-    // If unknown, it would cause an error of one per cent in the stiffening.
+    // If the ripple were unknown, it would cause an error of one per cent in the stiffening.
     assert!(greatest.0 > 8e-3, "{}", greatest.0);
     assert!(greatest.1 < 2e-3, "{}", greatest.1);
 }
 
 #[test]
 fn a_supply_that_gives_way_does_not_pass_for_ripple() {
-    // Computed with the supply's mean voltage, its square would be a quarter too large.
+    // If the ripple were computed with the supply's mean voltage, its square would be a quarter too
+    // large.
     let circuit = CircuitParameters {
         supply_ohm: 0.244,
         ..CircuitParameters::common(0.42, 40e-6, 10.96)
@@ -165,7 +166,8 @@ fn possible_s(circuit: &Circuit, to_a: f64) -> f64 {
 #[test]
 fn a_step_is_as_fast_as_the_circuit_allows_and_does_not_overshoot() {
     for circuit in corners() {
-        // As identified, and after a change since then while it was driven.
+        // With the coil's resistance as identified, and after it has changed while the coil was
+        // driven.
         for factor in [1.0, 0.6, 1.4] {
             let mut loop_ = tested(circuit);
             loop_.circuit.parameters.coil_ohm *= factor;
@@ -208,7 +210,8 @@ fn window(loop_: &mut Regulated, periods: u32) -> [f64; 2] {
 }
 
 /// Calibrates as `palpate calibrate current` does: slow sweeps over 0.3 A about each of 25
-/// currents, beside a reference. A sweep passes over a wide code, on which a step could end.
+/// currents, beside a reference. A sweep passes over a wide code; a constant current could lie in
+/// one.
 fn calibrate(loop_: &mut Regulated, most_a: f64, reference_error: f64) {
     let pairs: Vec<[f32; 2]> = (-12..=12)
         .map(|step| {

@@ -154,7 +154,7 @@ fn a_single_wild_sample_is_no_current() {
             let off_a = loop_.circuit.current_a() - f64::from(current_a);
             assert!(off_a.abs() < 0.6, "{current_a} A: {off_a}");
             assert!(loop_.circuit.peak().0 < f64::from(current_a.abs()) + 0.8);
-            // One wild sample in each of two periods counts as a current.
+            // One wild sample in each of two periods counts as a current above the limit.
             loop_.slow.wild_v = Some(wild_v);
             loop_.period();
             loop_.slow.wild_v = Some(wild_v);
@@ -247,7 +247,7 @@ fn a_bridge_that_does_not_wake_in_time_is_a_fault() {
     loop_.test().unwrap();
     loop_.circuit.parameters.wake_s = 50e-3;
     loop_.go(2.0, 0.0).unwrap();
-    // It latches at the end of the wake-up time.
+    // The fault latches at the end of the wake-up time.
     let (periods, fault) = trips(&mut loop_, 1_000).expect("it latches");
     assert_eq!(fault, Fault::Bridge);
     assert!((125..=130).contains(&periods), "{periods}");
@@ -352,7 +352,8 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
         .expect("what was found");
     assert!((4.0..5.0).contains(&supply_v), "{supply_v}");
     assert!((5.4..6.2).contains(&needed_v), "{needed_v}");
-    // Through a coil a third hotter they would not flow even if the supply sufficed.
+    // Through a coil with a third more resistance, 8.4 A would not flow even if the supply
+    // sufficed.
     let (_, fault, mut loop_) = weak(8.4, |of| of.circuit.parameters.coil_ohm *= 1.35);
     assert_eq!(fault, Fault::NotFollowing);
     assert_eq!(reported(&mut loop_), Some(Fault::NotFollowing));
@@ -422,7 +423,7 @@ const CORNERS: [(f64, f64, f64); 6] = [
     (0.545, 20e-6, 5.0),
     (0.389, 40e-6, 5.0),
 ];
-/// Currents; 3.3 A and 9.9 A lie in wide codes of the converter.
+/// Tested currents. The converter's wide codes are at 3.3 A and 9.9 A.
 const CURRENTS_A: [f32; 6] = [0.6, 1.0, 3.3, 5.0, 7.0, -3.0];
 const LOOK_PERIODS: u32 = 62;
 
@@ -586,7 +587,8 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         loop_.go(2.0, 1e-3).unwrap();
         loop_.run_for(10e-3);
         loop_.circuit.parameters.supply_v = supply_v;
-        // 10 ms: five time constants of its capacitor, with a poll every millisecond.
+        // Found within 10 ms: five time constants of the supply's capacitor, and a poll every
+        // millisecond.
         let found = trips(&mut loop_, 625).map(|(_, fault)| fault);
         assert_eq!(found, fault, "{supply_v} V");
     }

@@ -31,7 +31,7 @@ fn regulated(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Regulated {
 fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32, f32) {
     let ramp = [(peak_a, 0.01), (peak_a, 0.03), (end_a, 0.06)];
     let train = [ramp.repeat(6), vec![(0.0, 0.01)]].concat();
-    // Awake, so that both start at once.
+    // Wakes the bridge, so that drive and forecast start at once.
     drive.go(0.0, 0.0).unwrap();
     drive.run_for(3e-3);
     let findings = *drive.supervisor().findings().unwrap();
@@ -76,7 +76,8 @@ fn the_forecast_is_what_the_drive_counts() {
         }
     }
     println!("counted of forecast: {least:.3} to {most:.3}");
-    // The procedure allows for 3 % more (RESERVE in firmware/procedure/src/machine/budget.rs).
+    // The procedure allows for 3 % more than the forecast (RESERVE in
+    // firmware/procedure/src/machine/budget.rs).
     assert!(most < 1.03 && least > 0.9, "{least} to {most}");
 }
 
@@ -124,7 +125,7 @@ fn sweep(board: &mut NativeBoard<'_>) -> Option<palpate_wire::record::Refusal> {
 fn a_train_that_the_native_boards_drive_has_no_energy_for_is_refused_with_the_time_to_wait() {
     let stack = Stack::builtin("ultrasoft").unwrap();
     let mut plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
-    // 0.55 ohm with the coil.
+    // With the coil, the supply's circuit has 0.55 ohm.
     plant.current.supply_ohm = 0.16;
     let world = World::new(&plant, Switches::all(), Setup::default()).unwrap();
     let hardware = Wiring::new(world);

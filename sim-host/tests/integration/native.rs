@@ -51,7 +51,7 @@ fn it_says_who_it_is_tests_itself_and_streams_what_the_chip_converted() {
             _ => None,
         })
         .collect();
-    // From the end of the start-up at 38 ms, at 1 kHz.
+    // Samples at 1 kHz from the end of the start-up at 38 ms on.
     assert!((458..=466).contains(&words.len()), "{}", words.len());
     let last = hardware.chip().borrow().last_read(0).unwrap().word;
     assert_eq!(*words.last().unwrap(), last);
@@ -168,8 +168,8 @@ fn no_sample_of_the_old_settings_follows_the_answer() {
     );
 }
 
-/// One clock feeds both converters' CLKIN: a running conversion would count with two different
-/// clocks.
+/// Both converters share one CLKIN: if its frequency changed during a conversion, the count would
+/// mix two frequencies.
 #[test]
 fn the_clock_changes_only_while_both_converters_are_stopped() {
     let wiring = Wiring::with_second_converter(world());

@@ -20,7 +20,7 @@ use palpate_sim::world::{Setup, SharedWorld};
 /// A conversion at 1 kHz, s, with the reference of a single channel.
 const WINDOW_S: f64 = 1e-3;
 const REFERENCE_HZ: f64 = 30e6;
-/// Interval between conversions, s: eleven clocks more.
+/// Interval between conversions, s: a conversion and eleven reference periods.
 const INTERVAL_S: f64 = WINDOW_S + 11.0 / REFERENCE_HZ;
 /// The highest supply of the reference plants, V.
 const SUPPLY_V: f64 = 12.0;
@@ -28,7 +28,7 @@ const SUPPLY_V: f64 = 12.0;
 /// mutual, 20 µH own inductance (`the_copper_plane_is_what_decouples`).
 const WITHOUT_PLANE: f64 = 0.77 / 20.0;
 
-/// Standard deviation of a reading by quantisation, relative (docs/ldc161x.md).
+/// Relative standard deviation of a reading by quantisation (docs/ldc161x.md).
 fn quantisation() -> f64 {
     1.0 / (12_f64.sqrt() * REFERENCE_HZ * WINDOW_S)
 }
@@ -73,7 +73,7 @@ fn added_hz(parameters: &InterferenceParameters, period_s: f64, free_hz: f64) ->
     f64::sqrt(squares / 1600.0)
 }
 
-/// Worst error in the band, as a part of the quantisation, with its frequency in Hz.
+/// Worst error in the band, relative to the quantisation, with its frequency in Hz.
 fn worst(parameters: &InterferenceParameters, period_s: f64) -> (f64, f64) {
     let (low_hz, high_hz) = band_hz();
     println!("{low_hz:.0} to {high_hz:.0} Hz");

@@ -46,9 +46,10 @@ pub(crate) fn run() -> ExitCode {
 }
 
 struct AccuracyRow {
-    /// Row of the page, of the profiles, and of true errors over estimates.
+    /// Row of the page, row of the profiles, and row of the ratios of true errors to estimates.
     text: [String; 3],
-    /// Greatest true error over its estimate, greatest difference of a profile, difference of the forces.
+    /// Greatest ratio of a true error to its estimate, greatest difference of a profile, and
+    /// difference of the forces.
     worst: [f64; 3],
     holds: bool,
 }

@@ -8,7 +8,7 @@ use crate::evidence::conclude;
 use clap::Args;
 use system_tests::hostile::{Summary, campaign};
 
-/// Distance of the first seeds of two threads: more scripts than either plays.
+/// Distance between the first seeds of two threads: more scripts than a thread plays.
 const APART: u64 = 1 << 32;
 
 /// Send random and hostile bytes over both links of the native board, and check its promises

@@ -197,7 +197,7 @@ fn presses(
     let mut presses = Vec::new();
     for &ratio in ratios {
         for location in 0..SIZES {
-            // One from each third of the range.
+            // One size from each third of the disturbance's range.
             let part = (location as f64 + chance.between(0.0, 1.0)) / SIZES as f64;
             let (least, greatest) = left_out.range();
             let mut size = least * (greatest / least).powf(part);
@@ -313,7 +313,7 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Columns of the tables: the last is of the widths.
+/// Number of columns of the tables; the last one is of the widths.
 const COLUMNS: usize = 8;
 
 fn new_table(by: &str, columns: usize) -> Table {

@@ -32,13 +32,13 @@ use serde::Serialize;
 
 use crate::drawn::DrawnSensors;
 
-/// Time after which nothing touches any more once the object is gone, s.
+/// Time after the object is gone after which nothing may touch the sensor any more, s.
 const GONE_S: f64 = 1.0;
 /// Time after lift-off in which a refusal may still concern the press, s.
 const SOON_S: f64 = 0.2;
 /// Interval between two changes of the ambient temperature.
 const SLICE: Time = Time::from_ms(1_000);
-/// Greatest rate at which the room warms or cools, K/s, and greatest change, K.
+/// Greatest rate at which the room warms or cools, K/s; below, greatest change, K.
 const WARMING_K_PER_S: f64 = 2.0 / 60.0;
 const MOST_WARMING_K: f64 = 10.0;
 

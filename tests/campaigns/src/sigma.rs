@@ -120,9 +120,10 @@ fn print_row(case: &ConverterCase, ratios: &[f64]) {
     );
 }
 
-/// Readings of each channel by each random plan: they determine a standard deviation to 1.6 %.
+/// Number of readings of each channel by each random plan: they determine a standard deviation to
+/// 1.6 %.
 const READINGS_OF_A_PLAN: u32 = 2_000;
-/// Claimed range of every random plan.
+/// Claimed range of the ratio of scatter to stated uncertainty of every random plan.
 const OF_A_PLAN: RangeInclusive<f64> = 0.9..=1.1;
 /// Limits of the sensors' frequency decades, Hz.
 const DECADES_HZ: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 1e7];

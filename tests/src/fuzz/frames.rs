@@ -27,7 +27,7 @@ fn stream(script: &[u8]) -> Vec<u8> {
         let piece = reader.bytes();
         match how % 4 {
             0 => stream.extend(piece),
-            // With the present version; the kind is the first byte.
+            // A frame of the present version; the first byte of the piece is the kind.
             1 => stream.extend(checked(&[&[VERSION], piece].concat())),
             2 => stream.extend(checked(piece)),
             _ => stream.extend(stuffed(piece)),

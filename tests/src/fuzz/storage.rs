@@ -23,7 +23,7 @@ const STEPS: usize = 64;
 /// Number of operations after which a call counts as endless: 64 for every word of the area. A save
 /// into an area filled with one byte, `filled-after-a-save` of the corpus, takes 0.45 million.
 const PATIENCE: u64 = 64 * 0x1_0000 / 4;
-/// Operation count that means no power cut.
+/// Value of `cut` that means no power cut.
 const NO_CUT: u8 = 255;
 
 /// Checks the storage's promises on a script.

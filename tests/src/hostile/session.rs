@@ -37,7 +37,7 @@ pub(super) struct HostileSession<'a> {
     end: Time,
     /// Time since when the coil may carry no current.
     disarmed: Option<Time>,
-    /// Time since when it carries a current.
+    /// Time since when the coil carries a current.
     driven: Option<Time>,
     pub(super) summary: Summary,
 }

@@ -10,7 +10,7 @@ use palpate_wire::code::State;
 pub struct Summary {
     /// Number of scripts.
     pub scripts: u64,
-    /// Number of frames and other runs of bytes written, and number of bytes.
+    /// Number of frames and other runs of bytes written; below, number of their bytes.
     pub frames: u64,
     /// See [`frames`](Self::frames).
     pub bytes: u64,
@@ -20,7 +20,7 @@ pub struct Summary {
     pub outcomes: BTreeMap<&'static str, u64>,
     /// Count of each report that shows how far the board came.
     pub reports: BTreeMap<&'static str, u64>,
-    /// Number of observations of the board in each state, by its name, and whether it was armed.
+    /// Number of observations of the board, by the name of its state and whether it was armed.
     pub states: BTreeMap<(&'static str, bool), u64>,
     /// Number of restarts.
     pub restarts: u64,

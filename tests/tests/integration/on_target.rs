@@ -192,7 +192,7 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
     }
 }
 
-/// The sums detect a single bit.
+/// A single different bit changes the sums.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_single_bit_is_seen() {

@@ -10,12 +10,12 @@ use crate::image::FLASH;
 
 type Board = EmulatedBoard<Still>;
 
-/// Return address of the functions: a loop in RAM.
+/// Return address of the called functions: a loop in RAM.
 const RETURN: u32 = 0x2000_0000;
 const DATA: u32 = 0x2000_1000;
-/// `b .`, twice.
+/// The instruction `b .`, an endless loop, twice.
 const LOOP: u32 = 0xE7FE_E7FE;
-/// Byte after the code of the image, to recognise it.
+/// Byte that fills the flash after the image's code, to recognise it.
 const FILL: u8 = 0x5A;
 const CYCLES_6_5_MHZ: f64 = 6.5e6;
 
@@ -47,7 +47,7 @@ fn pointer(board: &Board, address: u32) -> u32 {
     board.peek(address & !3) >> (8 * (address & 2)) & 0xFFFF
 }
 
-/// Result of the ROM's lookup in the table whose pointer is at an address.
+/// Result of the ROM's lookup of `code` in the table whose pointer is at the address `table`.
 fn look_up(board: &mut Board, table: u32, code: [u8; 2]) -> u32 {
     let code = u32::from(u16::from_le_bytes(code));
     let (lookup, table) = (pointer(board, 0x18), pointer(board, table));
@@ -383,7 +383,7 @@ fn an_instruction_that_has_to_be_fetched_first_writes_when_it_is_there() {
         Options::default(),
     );
     board.bus.write32(0x4000_C000, 0);
-    // PWM.EN and the count of its first slice.
+    // r0 and r1: PWM.EN, and the bit that starts the count of its first slice.
     board.core.regs.r[..2].copy_from_slice(&[0x4005_00A0, 1]);
     board.set_pc(FLASH + 0x200);
     board.bus.memory.cache.flush();
@@ -501,7 +501,7 @@ fn a_program_by_hand_shows_in_the_status_until_it_is_done() {
     assert_eq!(command(&mut board, &[0x05, 0])[1], 0b11);
     board.bus.boot_delay(Time::from_us(400));
     assert_eq!(command(&mut board, &[0x05, 0])[1], 0);
-    // Within the page: after its last byte comes its first.
+    // The bytes wrap within the page: after its last byte comes its first.
     assert_eq!(board.flash().bytes(0x10FE, 3), [0xFF, 0x12, 0xFF]);
     assert_eq!(board.flash().byte(0x1000), 0x34);
 }
@@ -517,7 +517,7 @@ fn bytes_take_eight_clocks_each_and_wait_in_queues_of_sixteen() {
     // The first byte is in transmission; three wait.
     assert_eq!(board.bus.read32(SSI + 0x20), 3);
     assert_eq!(board.bus.read32(SSI + 0x28), 0b00011);
-    // 48 cycles of 6.5 MHz.
+    // A byte takes 48 cycles of 6.5 MHz.
     board.bus.boot_delay(Time::from_ns(2 * 7_385));
     assert_eq!(board.bus.read32(SSI + 0x24), 2);
     board.bus.boot_delay(Time::from_ns(2 * 7_385));
@@ -570,7 +570,7 @@ fn misuse_of_the_controller_ends_the_run_with_its_reason() {
 #[test]
 fn a_command_to_flash_in_continuous_read_ends_the_run() {
     let mut board = board();
-    // The format of byte transfers, but no exit from XIP.
+    // The registers set the format of byte transfers, but nothing has ended XIP mode.
     for (address, value) in [
         (SSI + 8, 0),
         (SSI, 7 << 16),
@@ -677,7 +677,7 @@ fn a_reset_in_an_erase_beyond_half_a_second_ends_in_the_boot_loader() {
     assert!((Time::from_ms(500)..Time::from_ms(530)).contains(&board.now()));
 }
 
-/// The ring oscillator at 52 MHz, and a watchdog reset of all stages in `stages`.
+/// Sets the ring oscillator to 52 MHz, and resets all stages in `stages` by the watchdog.
 fn reset_at_52_megahertz(board: &mut Board, stages: u32) {
     board.bus.write32(0x4006_0010, 0xAA2);
     board.bus.write32(0x4001_0008, stages);

@@ -69,7 +69,8 @@ fn sample_times_are_the_middles_of_their_conversions() {
     bench.stream();
     bench.run(Time::from_ms(300));
     let fetched = bench.board.wire_log().unwrap().fetched.clone();
-    // The board's timer starts with its tick; the difference is the same for all samples.
+    // The board's timer starts with its tick, some time after power on; this offset is the same for
+    // all samples.
     let errors: Vec<f64> = bench
         .samples()
         .filter_map(|(time_us, sample)| {

@@ -13,7 +13,8 @@ use palpate_wire::{Command, Frame, Message, Record};
 
 /// Exception number of the control interrupt, PWM_IRQ_WRAP.
 const CONTROL: u32 = 16 + 4;
-/// Exception numbers of the converter's bus, which may preempt it: IO_IRQ_BANK0 and I2C0_IRQ.
+/// Exception numbers of the converter's bus, which may preempt the control interrupt: IO_IRQ_BANK0
+/// and I2C0_IRQ.
 const EDGE: u32 = 16 + 13;
 const I2C: u32 = 16 + 23;
 
@@ -74,7 +75,7 @@ fn fault(bench: &RecordedBoard) -> Option<FaultCode> {
 fn the_self_test_finds_the_circuit() {
     let bench = armed();
     let found = coil_test(&bench.frames).unwrap();
-    // 0.389 and 0.07 ohm always; 50 milliohm of supply while it drives.
+    // 0.389 ohm of coil and 0.07 ohm of bridge always; 50 milliohm of supply while it drives.
     assert!((0.44..0.52).contains(&found.resistance_ohm), "{found:?}");
     assert!((found.inductance_h / 40e-6 - 1.0).abs() < 0.05, "{found:?}");
     assert!((found.limited_to_a.unwrap() - 2.0).abs() < 0.5, "{found:?}");
@@ -88,7 +89,7 @@ fn the_current_is_what_was_commanded() {
         bench.command(&drive(to_a, 1e-3));
         bench.run(Time::from_ms(5));
         let mean_a = mean_a(&mut bench, Time::from_ms(20));
-        // 2 % of 10 A; four codes are wide, otherwise this converter is exact.
+        // Far within 2 % of 10 A: this converter is exact except for four wide codes.
         assert!((mean_a - f64::from(to_a)).abs() < 0.05, "{to_a}: {mean_a}");
     }
     bench.command(&Command::Abort);
@@ -125,7 +126,7 @@ fn a_bridge_that_wakes_slowly_is_driven_without_overshoot_and_without_a_fault() 
                 (mean_a - f64::from(to_a)).abs() < 0.1,
                 "{wake_s} s: {mean_a} A"
             );
-            // Ripple and the overshoot of a step.
+            // At most 1 A of ripple and of the overshoot of a step.
             assert!(peak_a < f64::from(to_a) + 1.0, "{wake_s} s: {peak_a} A");
             bench.command(&Command::Abort);
             bench.run(Time::from_ms(5));
@@ -222,7 +223,7 @@ fn conversions_get_the_mean_of_their_own_window() {
     });
     let ripple_a = at_5_a.expect("a conversion on the way");
     assert!((ripple_a - 0.9 / 12_f32.sqrt()).abs() < 0.05, "{ripple_a}");
-    // 0.2 % of 10 A; half a wide code is 26 mA.
+    // 0.2 % of 10 A are 20 mA; half a wide code is 26 mA.
     assert!(worst_a < 0.03, "{worst_a}");
 }
 
@@ -275,7 +276,7 @@ fn a_silent_host_ends_it_after_a_tenth_of_a_second() {
     assert_eq!(bench.command(&drive(1.0, 0.0)).outcome, Outcome::Faulted);
 }
 
-/// Repeats a change of the circuit as often as the plant restores its values.
+/// Runs for a time, and repeats a change of the circuit as often as the plant restores its values.
 fn disturbed(bench: &mut RecordedBoard, time: Time, change: impl Fn(&mut Circuit)) {
     let end = bench.board.now() + time;
     while bench.board.now() < end {
@@ -306,7 +307,7 @@ fn a_dead_short_lets_little_through() {
         matches!(code, FaultCode::OverCurrent | FaultCode::Bridge),
         "{code}"
     );
-    // Cleared, armed and tested again, it drives.
+    // Cleared, armed and tested again, the coil is driven.
     bench.command(&Command::ClearFault(ClearFault { code }));
     bench.run(Time::from_ms(300));
     let mut bench = armed_on(bench);
@@ -441,7 +442,8 @@ fn an_amplifier_that_freezes_at_its_target_is_found() {
     }
 }
 
-/// From then on each result would be read as another channel's: the thermistor's as the current.
+/// From such a result on, each one would be read as another channel's: the thermistor's as the
+/// current.
 #[test]
 fn a_result_that_dma_does_not_get_switches_off_within_two_periods_and_is_got_over() {
     let mut bench = driving(6.0);
@@ -512,7 +514,7 @@ fn the_control_interrupt_keeps_its_time() {
         let took = bench.board.now() - begin;
         (longest, total) = (longest.max(took), total + took);
     }
-    // Starts relative to a grid of 16 us; the earliest one is not delayed.
+    // Starts of the interrupt relative to a grid of 16 us; the earliest one is not delayed.
     let first = begun[0].as_ps();
     let late = |at: &Time| (at.as_ps() - first + 8_000_000) % 16_000_000;
     let phases: Vec<u64> = begun.iter().map(late).collect();
@@ -525,7 +527,7 @@ fn the_control_interrupt_keeps_its_time() {
         "control interrupt: mean {mean_us:.2} us, longest {longest_us:.2} us, jitter {jitter_us:.2} us"
     );
     assert!((periods - 1_999.0).abs() < 0.5, "{periods}: one was missed");
-    // No period is lost as long as it ends before the next call.
+    // No period is lost as long as the interrupt ends before its next call.
     assert!(jitter_us + longest_us < 14.0, "{jitter_us} {longest_us}");
 }
 
@@ -611,7 +613,7 @@ fn an_abort_during_the_test_stops_it_and_drops_what_waits() {
         assert_eq!(tests_reported(&bench, from), 0);
         assert!(bench.faults().is_empty(), "{:?}", bench.faults());
     }
-    // It is still armed, and tested before it is driven again.
+    // The drive is still armed, and the coil is tested again before it is driven.
     let mut bench = testing();
     bench.command(&Command::Abort);
     let from = bench.frames.len();
@@ -664,7 +666,7 @@ fn a_supply_that_collapses_is_reported_as_that() {
     }
 }
 
-/// 34 J each, with 56 J of capacity and a cooling of 3.5 W. The test `energy` of
+/// A train takes 34 J of a capacity of 56 J, with a cooling of 3.5 W. The test `energy` of
 /// `palpate-procedure` covers the same without the image.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]

@@ -135,7 +135,8 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     // The bridge wakes up first.
     bench.run(Time::from_ms(5));
     bench.command(&drive(1.0, 0.06, 0.5e-3));
-    // 63.5 ms, and then a part of the trace with each pulse of a millisecond.
+    // The record takes 63.5 ms; after it, a part of the trace comes with each pulse of a
+    // millisecond.
     bench.run(Time::from_ms(80));
     bench.command(&Command::Identify);
     let parts = traces(&bench.frames);
@@ -146,7 +147,7 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     assert_eq!(currents.len(), 128);
     // 0.5 ms are 31 periods.
     assert!(parts.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
-    // Fitted to all values of the ramp: two noisy values would give it only to 1 A/s.
+    // Slope fitted to all values of the ramp: two noisy values would give it only to 1 A/s.
     let slope = slope_per_value(&currents[10..110]) / (31.0 * 16e-6);
     assert!((slope + 50.0).abs() < 0.5, "{slope} A/s");
     // After an abort the device reports the trace recorded so far.
@@ -179,7 +180,7 @@ fn a_calibration_takes_the_error_of_the_gain_away() {
     assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
     let after = gain(&mut bench);
     // The remaining error is the converter's non-linearity, eight codes or 51 mA (RP2040 datasheet,
-    // erratum E11), which existed before.
+    // erratum E11), which the correction of the gain leaves.
     assert!((after / before - 1.05).abs() < 0.003, "{before} {after}");
     assert!((after - 1.0).abs() < 0.051 / 6.0, "{after}");
 }
@@ -252,7 +253,7 @@ fn a_current_that_flows_with_the_bridge_off_is_reported() {
     bench.command(&drive(4.0, 0.0, 0.0));
     bench.run(Time::from_ms(5));
     bench.board.plant_mut().inductance_h = 1.0;
-    // Two readings, and too short for the drive to detect a current that does not follow.
+    // Time for two readings, and too short for the drive to detect a current that does not follow.
     bench.run(Time::from_us(300));
     bench.command(&Command::Abort);
     assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);
@@ -409,7 +410,7 @@ fn errors<P: Plant>(bench: &RecordedBoard<P>, charge: &ChargeCurve) -> Vec<f64> 
         .collect()
 }
 
-/// Least number of conversions in a train.
+/// The test fails with fewer conversions than this in a train of ramps.
 const CONVERSIONS: usize = 300;
 
 fn assert_true_over_a_train(image: &Image, which: &str) {

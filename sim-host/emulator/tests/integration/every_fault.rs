@@ -172,7 +172,7 @@ fn a_wire_that_is_freed_again_and_again() -> Vec<record::Fault> {
 }
 
 thread_local! {
-    /// A running stream with a healthy coil, and one that is also armed.
+    /// A board that streams with a healthy coil; below, the same board armed.
     static USUAL: RecordedBoard<Wired> = wired(PlantConditions::default(), BridgeCircuit::default(), 1);
     static ARMED: RecordedBoard<Wired> = {
         let mut bench = usual();
@@ -280,7 +280,7 @@ fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
 
 // ---- flash ----
 
-/// One bit in sixteen of a stored page: more than the code corrects.
+/// One bit flipped in every sixteen of a stored page: more than the code corrects.
 fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     bench.save(&configuration(1, Amount::Usual));
@@ -376,7 +376,7 @@ fn hold_tasks(bench: &mut RecordedBoard<Wired>, time: Time) {
 #[test]
 fn without_a_crystal_time_goes_by_the_ring_and_the_clock_is_a_fault() {
     let codes: Vec<FaultCode> = without_crystal().iter().map(|fault| fault.code).collect();
-    // The bus is then too slow, which may also be reported.
+    // Without the right clock the bus is too slow, which may also be reported.
     assert_eq!(codes.first(), Some(&FaultCode::Clock));
 }
 
@@ -424,7 +424,7 @@ fn upset() -> Vec<record::Fault> {
     talk(&mut bench, Time::from_ms(1_200));
     let took = bench.board.now() - begin;
     assert!(took <= Time::from_ms(1_150), "{took}");
-    // Set again, it works.
+    // When the coil's data are set again, the fault is gone.
     let clear = Command::ClearFault(ClearFault {
         code: FaultCode::ConfigurationDamaged,
     });

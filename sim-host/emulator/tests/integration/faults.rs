@@ -160,7 +160,7 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
         let before = bench.faults().len();
         bench.board.chip_mut().schedule(fault).unwrap();
         bench.run(Time::from_ms(60));
-        // Reported by its own code, with its level.
+        // The fault is reported by its own code, with the line's level.
         let faults = bench.faults();
         let raised = faults.get(before).expect("a fault");
         assert_eq!(raised.code, FaultCode::InterruptStuck, "low: {low}");
@@ -299,8 +299,8 @@ fn random(state: &mut u64) -> u32 {
     (*state >> 32) as u32
 }
 
-/// Random words over the record of a crash, between the reset and the start that reads it. Such a
-/// start must latch a fault, not report the cause `software`.
+/// Random words overwrite the record of a crash, between the reset and the start that reads it.
+/// Such a start must latch a fault, not report the cause `software`.
 #[test]
 fn a_crash_whose_record_cannot_be_read_is_a_fault() {
     let record = image().symbol("CRASH_RECORD").unwrap();
@@ -344,7 +344,7 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
         let faults: Vec<_> = bench.faults().iter().map(|fault| fault.code).collect();
         assert_eq!(faults, [code], "{words} words");
         assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
-        // Cleared, it works as before.
+        // Once the fault is cleared, the board works as before.
         bench.stream();
     }
 }
@@ -396,7 +396,7 @@ fn a_channel_that_a_pc_has_set_to_wait_holds_nothing_up() {
         let full = (bench.board.peek(written) + 1) % bench.board.peek(size);
         bench.board.poke(read, full);
         bench.board.poke(flags, WAIT_FOR_ROOM);
-        // A failed frame is logged.
+        // A frame that fails to be read is logged.
         bench.board.disturb(LineFault::SdaLow {
             bit: 12,
             lasting: Some(Time::from_ms(2)),

@@ -12,9 +12,9 @@ use crate::common::{RecordedBoard, recording};
 
 /// Sensors of the second converter, all different from the first one's.
 const SECOND_HZ: [f64; 4] = [2.5e6, 2.6e6, 2.7e6, 2.8e6];
-/// Scan rate of both, Hz.
+/// Scan rate of both converters, Hz.
 const RATE_HZ: f32 = 500.0;
-/// Duration of the second one's failure.
+/// Duration of the second converter's failure.
 const FAILS: Time = Time::from_ms(300);
 
 fn streaming() -> RecordedBoard {
@@ -41,8 +41,8 @@ fn streaming_with(channels: u8, rate_hz: f32) -> RecordedBoard {
     bench
 }
 
-/// One clock feeds both converters' CLKIN: a running conversion would count with two different
-/// clocks.
+/// Both converters share one CLKIN: if its frequency changed during a conversion, the count would
+/// mix two frequencies.
 #[test]
 fn the_clock_changes_only_while_both_converters_are_stopped() {
     let mut bench = streaming();
@@ -247,7 +247,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         second.schedule(fault).unwrap();
         bench.run(Time::from_ms(1_000));
         assert_whole(&of(&bench, 0), 1.0, &what);
-        // The second one reported the fault until its cause ended, and recovered.
+        // The second converter reported the fault until its cause ended, and recovered.
         let faults = of_second(&bench, &what);
         if !matches!(way, ChipFault::BrownOut(_)) {
             let ended: Vec<u64> = faults
@@ -270,10 +270,10 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
     }
 }
 
-/// While the second one restarts, its transactions follow one another without a pause: an edge of
-/// the first one may coincide with any part of them, and its time must still be right. The edges
-/// here coincide with the start of one, which would delay them if a task started it with interrupts
-/// off.
+/// While the second converter restarts, its transactions follow one another without a pause: an
+/// edge of the first converter may coincide with any part of them, and its time must still be
+/// right. The edges here coincide with the start of a transaction, which would delay them if a task
+/// started it with interrupts off.
 #[test]
 fn the_first_loses_nothing_while_the_second_starts_anew() {
     let silicon = Silicon {
@@ -304,7 +304,8 @@ fn the_first_loses_nothing_while_the_second_starts_anew() {
     }
 }
 
-/// The block is then in reset or has no pins: an access to it would stop the run.
+/// While the bus is freed, the I2C block is in reset or has no pins: an access to the block would
+/// stop the run.
 #[test]
 fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
     const PHASES: u64 = 8;
@@ -335,7 +336,7 @@ fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
             .run_until(Time::from_ms(20), |board| !board.bus_is_taken())
             .unwrap();
         met += u32::from(was_high);
-        // Both continue.
+        // Both converters continue.
         bench.run(Time::from_ms(100));
         bench.frames.clear();
         bench.run(Time::from_ms(100));

@@ -178,8 +178,9 @@ fn a_conversion_that_the_watchdog_aborts_is_marked_and_not_called_lost() {
         );
         assert!(judged.holds(), "{lasting_s}: {judged:?}");
         let gaps = bench.samples().filter(|(_, it)| it.gap).count();
-        // The gap of the start, that of the first whole conversion, and one for each edge of the
-        // watchdog; a conversion that ended without oscillation is flagged.
+        // Samples are marked after the gap of the start, after that of the first whole conversion,
+        // and after each edge of the watchdog; a conversion that ended without oscillation is
+        // flagged.
         let aborted = (lasting_s / 0.0052) as usize + 1;
         assert!((2..=3 + aborted).contains(&gaps), "{lasting_s}: {gaps}");
     }
@@ -227,7 +228,7 @@ fn a_conversion_time_that_changes_is_marked_at_once_and_its_register_reported() 
         let reported = faults.first().unwrap_or_else(|| panic!("no fault: {what}"));
         assert_eq!(reported.code, FaultCode::SensorReset, "{what}");
         assert_eq!(reported.value, Some(f32::from(address)), "{what}");
-        // After its restart, it is right again.
+        // After its restart, the converter's register is right again.
         let last = bench.samples().last().unwrap().1;
         assert!(!last.gap && last.missed == 0, "{what}");
         assert!(faults.iter().any(|fault| !fault.active), "{what}");

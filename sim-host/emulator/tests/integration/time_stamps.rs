@@ -7,7 +7,7 @@ use palpate_emulator::{EmulatedBoard, Image, LOGS, Still, Time, firmware};
 
 /// Allowed change of a sample's time, us.
 const ALLOWED_US: f64 = 2.0;
-/// Time that fills the larger channel: 8 KiB of records, a hundred bytes per millisecond.
+/// Time in which the records fill the larger channel: 8 KiB, at a hundred bytes per millisecond.
 const FILLED: Time = Time::from_ms(150);
 const SAMPLES: usize = 40;
 
@@ -63,8 +63,9 @@ fn attached(image: &Image) -> Vec<f64> {
     errors_us(&bench)
 }
 
-/// Errors with full channels. Samples stamped then are dropped, so each is evaluated on a copy of
-/// the board whose channel is emptied between the sample's stamp and its record.
+/// Errors with full channels. Samples stamped while a channel is full are dropped, so each is
+/// evaluated on a copy of the board whose channel is emptied between the sample's stamp and its
+/// record.
 fn unread(mut bench: RecordedBoard) -> Vec<f64> {
     bench.board.run_for(FILLED).unwrap();
     let mut errors = Vec::new();
@@ -78,7 +79,7 @@ fn unread(mut bench: RecordedBoard) -> Vec<f64> {
         bench.board.run_for(Time::from_us(60)).unwrap();
         let mut copy = bench.clone();
         let waiting = copy.board.read_channel(crate::common::DATA).len();
-        // All of the 8191 bytes except a rest too small for another record.
+        // All of the 8191 bytes are used, except a rest too small for another record.
         assert!(waiting > 7_800, "the channel is not full: {waiting}");
         copy.restart_listening();
         copy.run(Time::from_ms(3));
@@ -100,7 +101,7 @@ fn stalled(image: &Image) -> Vec<f64> {
     unread(bench(image))
 }
 
-/// Whether the times move by no more than is allowed, and have no greater common delay.
+/// Whether the errors differ from each other, and from zero, by less than is allowed.
 fn is_right(lowest: f64, highest: f64) -> bool {
     highest - lowest < ALLOWED_US && lowest > -ALLOWED_US && highest < ALLOWED_US
 }

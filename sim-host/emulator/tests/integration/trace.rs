@@ -289,7 +289,7 @@ fn a_wire_that_is_pulled_low_is_traced_so() {
         .filter(|two| two[0].0 > begin && two[0].1 == Some(0.0))
         .map(|two| two[1].0 - two[0].0)
         .max();
-    // The recovery may pull it low itself at the time of its release.
+    // The recovery itself may pull the line low at the time at which the fault ends.
     assert!(
         (999_000..1_050_000).contains(&longest.unwrap()),
         "{longest:?}"

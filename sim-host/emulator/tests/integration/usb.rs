@@ -98,7 +98,7 @@ fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     }
 }
 
-/// The driver makes room again when it reads a full packet. More data may arrive in it before the
+/// The driver makes room again when it reads a full packet. More data may then arrive before the
 /// status stage: host and device must still agree about the address.
 #[test]
 fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
@@ -120,8 +120,8 @@ fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
     assert_eq!(refused, 300);
 }
 
-/// One of its packets arrives while the request is refused, is discarded only when the next setup
-/// packet is there, and is refused again.
+/// A packet of the refused request arrives while the request is refused; the packet is discarded
+/// only when the next setup packet is there, and is refused again.
 #[test]
 fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
@@ -382,7 +382,7 @@ fn an_answer_goes_back_by_the_link_of_its_command() {
     for number in asked {
         assert!(answer(&bench.port.frames[at_port..], number).is_some());
     }
-    // Only one link: the other one receives nothing of it.
+    // Over one link only: the other link receives none of the answers.
     let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
     assert_eq!(settings(&bench.probe.frames[at_probe..]), 0);

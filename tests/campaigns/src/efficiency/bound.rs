@@ -27,7 +27,8 @@ const PRESS_M: f64 = 1e-4;
 /// Prior standard deviations of the terms of the reading's curve, which are powers of the
 /// deformation: the bench determines the curve without prior knowledge.
 const CURVE: [f64; 4] = [0.2, 0.2, 0.2, 0.2];
-/// Indices after the shared unknowns: the unknowns of a single train.
+/// Index of a single train's unknown, after the shared ones: the press's position. Below, of the
+/// others: vibration and drift.
 const PLACE: usize = 0;
 const COSINE: usize = 1;
 const SINE: usize = 2;

@@ -9,7 +9,8 @@ use super::rung::{Evaluation, InformationLevel};
 use super::train::{TrainTask, derivative};
 use super::unknowns;
 
-/// Indices after those, for a press in use: ln(c_L), and the effects of temperature.
+/// Index of ln(c_L) of a press in use, after the unknowns of its train; below, of the effects of
+/// temperature.
 const LOAD: usize = LOCAL;
 const WARMER: usize = LOCAL + 1;
 const OF_PRESS: usize = LOCAL + 3;
@@ -23,7 +24,7 @@ impl BenchInformation<'_> {
         depth_m: f64,
     ) -> Result<Option<[f64; InformationLevel::ALL.len()]>, ParameterError> {
         let mut plant = self.plant.clone();
-        // The load includes the frame.
+        // The load given here includes its frame.
         plant.press.frame_m_per_n = 0.0;
         let load = |n_per_m: f64| Some(Load::Spring { n_per_m });
         let train = self.train(&plant, load(load_n_per_m), depth_m)?;
@@ -65,7 +66,7 @@ impl BenchInformation<'_> {
             .iter()
             .for_each(|place| information.know(self.shared() + place, 1.0));
         if rung == InformationLevel::SensorKnown {
-            // Practically exact.
+            // Knows the sensor practically exactly.
             (0..self.shared()).for_each(|unknown| information.know(unknown, 1e-12));
         } else {
             let evaluations = self.by_evaluation.iter().zip(Evaluation::ALL);

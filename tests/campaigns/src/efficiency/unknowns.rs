@@ -56,7 +56,7 @@ impl Unknown {
 /// Names of the unknowns through which a change of temperature acts.
 pub(super) const SPRINGS_PER_KELVIN: &str = "springs, per kelvin";
 pub(super) const STIFFENING_PER_KELVIN: &str = "stiffening, per kelvin";
-/// Names of the unknowns that they affect.
+/// Names of the unknowns that a change of temperature affects.
 pub(super) const SENSING: &str = "c_S";
 pub(super) const ACTUATED: &str = "c_D0";
 pub(super) const STIFFENING: &str = "stiffening";

@@ -16,7 +16,8 @@ use palpate_sim::random;
 use palpate_wire::code::Stream;
 
 const FULL_SCALE_A: f64 = 10.0;
-/// Limits of the claims.
+/// Limits of the claims: overshoot of a step, bend of a ramp, absolute and repeated error, delay of
+/// an edge.
 const OVERSHOOT: f64 = 0.02;
 const BEND: f64 = 0.005;
 const ABSOLUTE: f64 = 0.02;

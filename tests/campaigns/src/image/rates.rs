@@ -29,7 +29,7 @@ struct RateCase {
 }
 
 impl RateCase {
-    /// Frame rate of 400 kHz with 10 us between two frames, Hz.
+    /// Frame rate at 400 kHz with 10 us between two frames, Hz.
     fn limit_hz(&self) -> f64 {
         1.0 / (f64::from(self.bit_times) * 2.5e-6 + 10e-6)
     }
@@ -37,8 +37,8 @@ impl RateCase {
 
 struct RateResult {
     rate_hz: f64,
-    /// Least and most: the firmware reports a status at another time than the campaign reads the
-    /// converter's own count.
+    /// Least and greatest number of lost conversions: the firmware reports a status at another time
+    /// than the campaign reads the converter's own count.
     lost: RangeInclusive<u32>,
     reported: u32,
     median: Time,

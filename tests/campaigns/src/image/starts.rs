@@ -79,7 +79,7 @@ fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut Start
     let event = FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
     let scheduled = bench.board.chip_mut().schedule(event);
     assert!(scheduled.is_ok(), "no slot for a fault");
-    // Until its silence is detected, and it has restarted.
+    // Until the converter's silence is detected, and it has restarted.
     bench.run(length(rate_hz) + Time::from_ms(120));
     row.add(&judge(&bench));
 }

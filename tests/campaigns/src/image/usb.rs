@@ -26,7 +26,7 @@ const LATENCY: Time = Time::from_us(10);
 const LEVELS_APART: Time = Time::from_us(24);
 /// Greatest processor load in the train, with both links in use.
 const LOAD: f32 = 0.55;
-/// Longest times from a fault, and from a hang or a restart request, to a bridge that is off.
+/// Longest time from a fault to a bridge that is off; below, from a hang or a restart request.
 const OFF_AT_ONCE: Time = Time::from_ms(1);
 const OFF_AFTER_HANG: Time = Time::from_ms(60);
 /// Allowed time from a PC's last command to the end of its current, including the overhead of the

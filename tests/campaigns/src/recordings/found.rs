@@ -7,7 +7,7 @@ use palpate_cli::failure::Failure;
 use palpate_wire::Record;
 use palpate_wire::record::Sample;
 
-/// Content of such a file.
+/// Content of a recording's file.
 #[derive(Default)]
 pub(super) struct RecordingContents {
     pub(super) contents: Contents,

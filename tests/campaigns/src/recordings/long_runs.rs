@@ -18,7 +18,7 @@ const RUNS: [(&str, &str, &str); 2] = [
     ("1 kHz, one channel", "rate_hz=1000", "channels=1"),
     ("500 Hz, four channels", "rate_hz=500", "channels=15"),
 ];
-/// Seed of their board.
+/// Seed of the board of both recordings.
 const SEED: u64 = 1;
 
 /// Fields read from `palpate record --json`.
@@ -30,7 +30,7 @@ struct Recorded {
     not_written: u64,
 }
 
-/// Runs both at once, each for `seconds`.
+/// Runs both recordings at once, each for `seconds`.
 pub(super) fn run(tool: &Tool, seconds: f64) -> Result<Part, Failure> {
     let mut children = Vec::new();
     for (place, (_, rate, channels)) in RUNS.into_iter().enumerate() {

@@ -90,12 +90,12 @@ impl UsbTestBench {
         self.usb.write_memory(at, &bytes, self.now_ps).unwrap();
     }
 
-    /// A half of the buffer control word of an endpoint.
+    /// Half `which` of the buffer control word of the endpoint `index`.
     pub(super) fn half(&self, index: u32, which: u32) -> u16 {
         (self.usb.read_memory(0x80 + 4 * index).unwrap() >> (16 * which)) as u16
     }
 
-    /// Writes the rest of a half, and then the half with AVAILABLE.
+    /// Writes the bits of a half except AVAILABLE, and then the half with AVAILABLE.
     pub(super) fn arm(&mut self, index: u32, which: u32, rest: u16) {
         for value in [rest, rest | buffer::AVAILABLE] {
             self.now_ps += ACCESS_PS;

@@ -24,7 +24,7 @@ struct Endpoint {
 
 #[derive(Default)]
 struct Inner {
-    /// By number and direction, like the buffer control words.
+    /// Endpoints by number and direction, in the order of the buffer control words.
     endpoints: [Option<Endpoint>; 32],
     /// Whether a setup packet has been reported and not yet read.
     has_setup: bool,
@@ -51,7 +51,7 @@ impl Registers {
         run(&mut bench, &mut self.inner.lock().unwrap())
     }
 
-    /// Makes a buffer ready to receive, with the PID opposite to the last one.
+    /// Makes a buffer ready to receive, with the PID opposite to that of the last packet.
     fn receive(bench: &mut UsbTestBench, index: u32, largest: u16) {
         let pid = !bench.half(index, 0) & buffer::DATA1;
         bench.arm(index, 0, pid | largest);
@@ -300,7 +300,7 @@ fn with_port(largest_control: u8, test: impl FnOnce(&Mutex<UsbTestBench>, &mut E
         port,
         waiting: Vec::new(),
     };
-    // The allocator has enabled it at the first poll.
+    // By the first poll, the allocator has enabled the bus.
     echo.poll();
     test(&bench, &mut echo);
 }

@@ -28,10 +28,10 @@ pub(crate) const CONFIGURATION: [u8; 84] = [
     9, 4, 2, 0, 0, 0xFF, 0, 0, 0, //
 ];
 
-/// IN and OUT of endpoint 2.
+/// Index of endpoint 2's IN; below, of its OUT.
 pub(super) const INPUT: u32 = 4;
 pub(super) const OUTPUT: u32 = 5;
-/// Buffers of endpoint 2.
+/// Offset of the buffer of endpoint 2's IN; below, of its OUT.
 pub(super) const INPUT_BUFFER: u32 = 0x200;
 pub(super) const OUTPUT_BUFFER: u32 = 0x280;
 
@@ -53,7 +53,7 @@ fn string(index: u8) -> Option<Vec<u8>> {
 pub(super) enum Data {
     /// Echoes all data.
     Echo,
-    /// Leaves them to the test.
+    /// Leaves the data endpoints to the test.
     Untouched,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct Device {
     answer: VecDeque<Vec<u8>>,
     address: Option<u8>,
     in_data1: bool,
-    /// PIDs of the data endpoints' next packets.
+    /// Whether the next packet of the IN data endpoint is DATA1; below, of the OUT data endpoint.
     input_data1: bool,
     output_data1: bool,
     pub(super) resets: u32,
@@ -71,7 +71,7 @@ pub(super) struct Device {
     pub(super) received: Vec<u8>,
     /// Data received in data stages.
     pub(super) control_data: Vec<u8>,
-    /// Request that it never answers, by bRequest.
+    /// bRequest of the request that the device never answers.
     pub(super) deaf_to: Option<u8>,
     left_of_data: usize,
 }

@@ -105,7 +105,7 @@ fn a_device_is_enumerated_with_all_that_it_says() {
     assert_eq!((cdc.control_interface, cdc.data_interface), (0, 1));
     assert_eq!((cdc.input.address, cdc.output.address), (0x82, 0x02));
     assert_eq!(cdc.notification.unwrap().interval, 16);
-    // Before the enumeration, and after its first request.
+    // The host resets the device before the enumeration, and after its first request.
     assert_eq!(device.resets, 3);
     assert_eq!(device.control_data, [0x00, 0xC2, 0x01, 0x00, 0, 0, 8]);
     assert_eq!(device.setups.last(), Some(&[0x21, 0x22, 3, 0, 0, 0, 0, 0]));
@@ -394,7 +394,7 @@ fn two_full_buffers_go_out_one_behind_the_other_and_reset_begins_with_the_first(
     bench.arm(INPUT, 0, buffer::FULL | 3);
     bench.run(Time::from_ms(2), &mut Idle);
     assert_eq!(bench.usb.host.read(), b"one");
-    // The second buffer would be next.
+    // Without RESET, the second buffer would be next.
     bench.arm(INPUT, 0, buffer::RESET | buffer::FULL | buffer::DATA1 | 3);
     bench.run(Time::from_ms(2), &mut Idle);
     assert_eq!(bench.usb.host.read(), b"one");

@@ -12,7 +12,7 @@ use super::{FREQUENCIES_HZ, RecordedBoard, coil, image, recording};
 
 /// Period of the bridge's PWM.
 pub(crate) const PERIOD: Time = Time::from_us(16);
-/// A conversion of the converter, in whole periods.
+/// Length of a conversion, in whole periods of the PWM.
 pub(crate) const WINDOW: usize = 62;
 
 /// Constant sensors, and a circuit.
@@ -92,7 +92,7 @@ pub(crate) fn drive(to_a: f64, over_s: f32) -> Command {
     })
 }
 
-/// Time, s, and charge, A s, at least at the end of every period.
+/// Charge, A s, over time, s, known at least at the end of every period.
 pub(crate) struct ChargeCurve(pub(crate) Vec<(f64, f64)>);
 
 impl ChargeCurve {
@@ -198,13 +198,13 @@ impl<P: Plant> RecordedBoard<P> {
 pub(crate) struct StepResult {
     /// Time from the first period with current to the one with 90 %.
     pub(crate) took: Time,
-    /// Time that supply and inductance need.
+    /// Shortest time that supply and inductance allow.
     pub(crate) possible: Time,
-    /// Highest mean of a period above the end value, as a part of it.
+    /// Highest mean of a period, less the end value and relative to it.
     pub(crate) overshoot: f64,
 }
 
-/// Time that supply and inductance need, with the bridge always on.
+/// Shortest time that supply and inductance allow, with the bridge always on.
 fn possible(circuit: &Circuit, to_a: f64) -> Time {
     let mut circuit = *circuit;
     circuit.parameters.wake_s = 0.0;
@@ -231,12 +231,12 @@ pub(crate) fn steps<P: Plant>(bench: &mut RecordedBoard<P>, to_a: f64, phases: u
         overshoot: 0.0,
     };
     for _ in 0..phases {
-        // Slightly more than a millisecond in total: every phase of a conversion of one
-        // millisecond.
+        // The offsets of all phases add up to slightly more than a millisecond: they cover every
+        // phase of a conversion of one millisecond.
         bench.run(Time::from_us(1_008 / u64::from(phases)));
         let mut bench = bench.clone();
         bench.send(&drive(to_a, 0.0));
-        // The mean over a period counts, since the ripple is an ampere.
+        // The means over periods are compared, since the ripple is an ampere.
         let means = bench.charge_curve(500).means();
         let first = |level_a: f64| means.iter().position(|mean_a| *mean_a > level_a);
         let (Some(begin), Some(reached)) = (first(0.2), first(0.9 * to_a)) else {
@@ -250,12 +250,12 @@ pub(crate) fn steps<P: Plant>(bench: &mut RecordedBoard<P>, to_a: f64, phases: u
     worst
 }
 
-/// Greatest distance of a ramp's conversions from a straight line, as a part of its peak.
+/// Greatest distance of a ramp's conversions from a straight line, relative to the ramp's peak.
 pub(crate) fn bend<P: Plant>(bench: &mut RecordedBoard<P>, peak_a: f64, fall_s: f32) -> f64 {
     bench.go(peak_a, 2e-3, Time::from_ms(5));
     bench.send(&drive(0.2 * peak_a, fall_s));
     let periods = (f64::from(fall_s) / PERIOD.as_secs_f64()) as usize;
-    // From the answer until shortly before the end.
+    // From the answer to the command until shortly before the ramp's end.
     bench.charge_curve(periods / 20 + 120);
     let means = bench.charge_curve(periods * 17 / 20 - 120).windows(0.0);
     assert!(means.len() > 5 && means[0] - means[5] > 0.0, "{means:?}");
@@ -283,7 +283,7 @@ fn from_a_line(values: &[f64]) -> f64 {
 pub(crate) struct Telemetry {
     /// Write times of the levels, in periods with current.
     pub(crate) levels: LevelTimes,
-    /// Samples fetched, and samples lost on the way, by any count.
+    /// Samples fetched; below, samples lost on the way, by any count.
     pub(crate) samples: u32,
     pub(crate) lost: u64,
     /// Worst delay from an edge of INTB to START.

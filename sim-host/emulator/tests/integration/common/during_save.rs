@@ -26,7 +26,7 @@ pub(crate) struct Stream {
     pub(crate) missing_frames: u32,
     /// Scans that were not fetched.
     pub(crate) lost: u32,
-    /// Samples whose stamp is off the grid, marked as after a gap.
+    /// Number of samples marked as after a gap, because their stamp is off the grid.
     pub(crate) marked: usize,
     /// Greatest difference of the interval between two samples from a millisecond, us.
     pub(crate) off_us: u64,
@@ -116,8 +116,8 @@ pub(crate) struct DuringSave {
     pub(crate) edge_to_start: Time,
     /// Longest interval between two feedings of the watchdog.
     pub(crate) unfed: Time,
-    /// Number of successful control transfers, of others, and the duration of the slowest, to a
-    /// millisecond.
+    /// Number of successful control transfers; below, number of others, and duration of the
+    /// slowest, to a millisecond.
     pub(crate) answered: usize,
     pub(crate) refused: usize,
     pub(crate) slowest: Time,
@@ -131,7 +131,7 @@ pub(crate) struct DuringSave {
 impl DuringSave {
     /// Whether nothing was delayed, and nothing that must wait was started.
     pub(crate) fn holds(&self) -> bool {
-        // Either of two reasons is valid here.
+        // Either of two reasons for the refusal is valid here.
         let is_refused = |(command, outcome): &(Command, Outcome)| match command {
             Command::DriveCoil(_) | Command::Measure => *outcome != Outcome::Accepted,
             _ => *outcome == Outcome::Busy,

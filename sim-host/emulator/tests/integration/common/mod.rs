@@ -17,7 +17,7 @@ use palpate_wire::command::{Coil, Command};
 use palpate_wire::record::{Acknowledgement, Fault, Sample, Status};
 use palpate_wire::{Frame, Message, Record, RecordDecoder, Sequencer, encode};
 
-/// Channels of the probe.
+/// Channel of the probe for records; below, for commands.
 pub(crate) const DATA: u32 = 1;
 pub(crate) const COMMANDS: u32 = 0;
 
@@ -157,7 +157,7 @@ impl<P: Plant> RecordedBoard<P> {
         let bytes = encode(&header, command, &mut buffer).unwrap();
         let before = self.frames.len();
         assert_eq!(self.board.write_channel(COMMANDS, bytes), bytes.len());
-        // A command that needs the coil waits for its test.
+        // A command that needs the coil is answered after the coil's test.
         for _ in 0..100 {
             self.run(Time::from_ms(1));
             let records = || self.frames[before..].iter().map(|frame| &frame.message);
@@ -303,7 +303,7 @@ pub(crate) fn time_to_off(bench: &mut RecordedBoard) -> Option<Time> {
     Some(took)
 }
 
-/// An endless loop, and an undefined instruction.
+/// Instruction of an endless loop; below, an undefined one.
 pub(crate) const LOOP: u32 = 0xE7FE_E7FE;
 pub(crate) const UNDEFINED: u32 = 0xDE00_DE00;
 /// A free word near the end of memory.

@@ -12,8 +12,8 @@ use super::{FREQUENCIES_HZ, RecordedBoard, image, origin_us, recording};
 
 /// Allowed error of a time stamp, us.
 pub(crate) const ALLOWED_US: f64 = 2.0;
-/// Drift of every sensor's frequency: more from scan to scan than the resolution of a word, so that
-/// each word identifies its conversion.
+/// Drift of every sensor's frequency, Hz/s: more from scan to scan than the resolution of a word,
+/// so that each word identifies its conversion.
 const DRIFT_HZ_PER_S: f64 = 1e6;
 
 /// Sensors of the second converter, all different from the first one's.
@@ -74,7 +74,7 @@ impl Silicon {
 /// Check results of the samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Judged {
-    /// Number of samples, and of marked ones.
+    /// Number of samples; below, of marked ones.
     pub(crate) samples: u32,
     pub(crate) marked: u32,
     /// Unmarked samples with a time off by more than is allowed.
@@ -87,7 +87,7 @@ pub(crate) struct Judged {
     /// sent that byte: the line then reads as ones, and no acknowledge could be missing. The next
     /// sample must be marked, since the converter restarts.
     pub(crate) torn: u32,
-    /// Smallest and largest error of an unmarked time, us.
+    /// Smallest error of an unmarked time, us; below, the largest.
     pub(crate) least_us: f64,
     pub(crate) most_us: f64,
     /// Greatest difference between the errors of two consecutive scans.
@@ -250,7 +250,8 @@ pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Sh
                 };
                 let drift_hz = if sensor == 0 { DRIFT_HZ_PER_S } else { 0.0 };
                 let off_hz = it.frequency_hz - sensors_hz[usize::from(it.channel)];
-                // Ten seconds of drift are more than a bench runs; a wrong clock is off by more.
+                // The tolerance has ten seconds of drift, more than a bench runs; a wrong clock is
+                // off by more.
                 (-5e3..=5e3 + drift_hz).contains(&off_hz)
             };
             // The scan plan is exact to a thousandth of the period.

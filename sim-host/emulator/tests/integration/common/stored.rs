@@ -20,7 +20,7 @@ use super::{FREQUENCIES_HZ, RecordedBoard, coil, image, recording};
 /// Range of the area for settings and calibration, from the start of the flash: its last 64 KiB.
 pub(crate) const AREA: std::ops::Range<u32> = 0x1F_0000..0x20_0000;
 
-/// Longer than any save, at the longest times of the flash.
+/// Longer than any save takes at the longest times of the flash.
 pub(crate) const LONGEST_SAVE: Time = Time::from_ms(8_000);
 /// Time from a start to samples, including the load of stored data.
 const START: Time = Time::from_ms(600);

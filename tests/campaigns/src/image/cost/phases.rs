@@ -54,7 +54,7 @@ impl Phase {
 pub(super) struct Measured {
     /// Phases at a steady rate.
     pub(super) phases: Vec<Phase>,
-    /// From there to the estimate, which is computed once.
+    /// Phase after the last steady one, until the estimate, which is computed once.
     pub(super) rest: Phase,
     pub(super) stack_bytes: u32,
     pub(super) cpu_hz: f64,

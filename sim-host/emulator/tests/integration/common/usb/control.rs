@@ -15,7 +15,7 @@ const CUT_SHORT: Time = Time::from_ms(8);
 /// Time for which packets of an abandoned transfer may remain: until the instrument's task pauses,
 /// plus the next transfer.
 const LEFT_OVER: Time = Time::from_ms(5);
-/// One in so many transfers ends early by a reset; below, by the next setup packet.
+/// One in this many transfers ends early by a bus reset; below, by the next setup packet.
 const RESETS: u32 = 100;
 const OVERTAKEN: u32 = 10;
 /// Number of transfers between two enumerations.
@@ -182,8 +182,8 @@ fn one(
         if outcome == ControlOutcome::Cancelled {
             bench.until_open(super::ENUMERATION);
         } else {
-            // It had ended before. Or it ran only after the enumeration, where a SET_ADDRESS or a
-            // SET_CONFIGURATION ends the stream.
+            // The transfer had ended before the reset, or ran only after the enumeration, where a
+            // SET_ADDRESS or a SET_CONFIGURATION ends the stream.
             bench
                 .until(super::ENUMERATION, |bench| {
                     bench.probe.board.usb().description().is_some()

@@ -63,7 +63,7 @@ pub(crate) fn flood(bench: &mut UsbBench, bytes: usize, seed: u64) -> FloodFindi
         let length = APART.min(bytes - found.bytes);
         let rubbish: Vec<u8> = (0..length).map(|_| chance.word() as u8).collect();
         bench.probe.board.usb_mut().write(&rubbish);
-        // Ends the invalid frame.
+        // A zero ends the invalid frame.
         bench.probe.board.usb_mut().write(&[0]);
         found.bytes += length + 1;
         let from = bench.port.frames.len();

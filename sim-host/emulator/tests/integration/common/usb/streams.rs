@@ -13,7 +13,8 @@ const STATUS_PERIOD_S: f32 = 0.1;
 /// Time for which the stream continues after a disturbance, for its account.
 const AFTERWARDS: Time = Time::from_ms(300);
 
-/// Latest time within a frame for a bulk packet; the limit is 800 us (RP2040-E15).
+/// Latest allowed time within a frame at which a bulk packet becomes available; the controller's
+/// limit is 800 us (RP2040-E15).
 pub(crate) const LATEST_PACKET: Time = Time::from_us(770);
 
 /// Results of a stream.
@@ -22,10 +23,11 @@ pub(crate) struct StreamFindings {
     pub(crate) trains: u32,
     /// Total time in trains.
     pub(crate) driven: Time,
-    /// Scans fetched by the firmware, and scans overwritten in the converter before that.
+    /// Scans fetched by the firmware; below, scans overwritten in the converter before they were
+    /// fetched.
     pub(crate) scans: u32,
     pub(crate) scans_lost: u64,
-    /// Samples received by USB, and those marked as following a gap.
+    /// Samples received by USB; below, those marked as following a gap.
     pub(crate) samples: u32,
     pub(crate) samples_after_gap: u32,
     /// Records missing by USB, and those that the device reports as dropped.
