@@ -24,9 +24,9 @@ const FULL_LEVEL: f32 = 1_600.0;
 /// 2 %, 2 % of the measurement with its non-linearity and offset, and a wide code add up to less;
 /// in a hundred thousand sequences two reached 12.62 A.
 const CURRENT_MARGIN: f64 = 1.06;
-/// Greatest current in a dead short that the hardware limit allows, A: 1.5 us of the greatest
-/// supply at 1 uH add 24 A. A shorter pulse is not detected at all, and another one may follow
-/// before the next sample.
+/// Greatest current in a dead short that the hardware limit allows, A: above its 15 A, 1.5 us of
+/// the greatest supply, 16 V, at 1 uH add 24 A. The factor 1.5 is for a shorter pulse, which the
+/// limit does not detect at all, with another one after it before the next sample.
 const PEAK_A: f64 = 15.0 + 1.5 * 24.0;
 /// Periods in which the driver detects that a fault of the circuit has ended.
 const LEARNS: u32 = 200;

@@ -15,7 +15,7 @@ use crate::repository;
 /// First folders of absolute paths that exist on one machine only.
 const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
 
-/// Words that mark unfinished work. Split, so that this file passes its own check.
+/// Words that mark unfinished work, each split in two, so that this file passes its own check.
 const MARKS: &[&str] = &[
     concat!("TO", "DO"),
     concat!("FIX", "ME"),
@@ -24,8 +24,8 @@ const MARKS: &[&str] = &[
     concat!("unimpl", "emented!"),
 ];
 
-/// Retired words, each with the field's own word after it, which `docs` and code use instead. Split
-/// like the marks.
+/// Pairs of a retired word and the field's own word, which `docs` and code use instead. Split as
+/// the words of [`MARKS`] are.
 const RETIRED: &[(&str, &str)] = &[
     (concat!("to", "ld"), "reported, sent, measured"),
     (concat!("fe", "lt"), "deformation, contact"),
@@ -39,7 +39,7 @@ const RETIRED: &[(&str, &str)] = &[
     (concat!("no", "body"), "the name of the part that does not"),
     (concat!("who", "ever"), "the name of the part that does"),
 ];
-/// Pages written by campaigns, with the words of their time.
+/// Folder of the pages written by campaigns, with the words of their time.
 const WRITTEN_PAGES: &str = "docs/evidence/";
 
 /// Crates of a microcontroller. Only the one folder of the firmware's sources below may name them:

@@ -15,15 +15,15 @@ pub(crate) const FIRMWARE_TARGET: &str = "thumbv6m-none-eabi";
 pub(crate) struct Member {
     /// Package name.
     pub(crate) name: &'static str,
-    /// Where its code runs.
+    /// Where the crate's code runs.
     pub(crate) runs_on: RunsOn,
-    /// Whether it is intended for the registry; the gate then packages it.
+    /// Whether the crate is intended for the registry; the gate then packages it.
     pub(crate) published: bool,
-    /// Its features. The lints run with none of them, each alone, and all.
+    /// Features of the crate. The lints run with none of them, each alone, and all.
     pub(crate) features: &'static [&'static str],
-    /// Features with their own tests that no other crate enables.
+    /// Features with their own tests, which no other crate enables.
     pub(crate) tested_features: &'static [&'static str],
-    /// Its examples for a microcontroller.
+    /// Examples of the crate for a microcontroller.
     pub(crate) mcu_examples: &'static [McuExample],
 }
 

@@ -25,7 +25,7 @@ struct Metadata {
 struct Package {
     name: String,
     manifest_path: PathBuf,
-    /// Registries to which it may be published; `None` means any.
+    /// Registries to which the package may be published; `None` means any.
     publish: Option<Vec<String>>,
     description: Option<String>,
     readme: Option<PathBuf>,

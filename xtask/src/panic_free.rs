@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
 
-/// Target for which it is linked.
+/// Target for which the program is linked.
 pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 
 /// A crate, with its example that calls every public method.

@@ -84,7 +84,8 @@ const TOOLS: &[&Tool] = &[&CARGO_DENY, &CARGO_FUZZ, &MDBOOK, &TYPOS];
 /// Tools of `cargo xtask release`, which no check runs.
 const RELEASE_TOOLS: &[&Tool] = &[&CARGO_ABOUT, &CARGO_CYCLONEDX];
 
-/// Settings for the build of a tool: it runs for seconds, and full optimisation takes minutes.
+/// Settings for the build of a tool: the tool runs for seconds, and full optimisation takes
+/// minutes.
 const QUICK_BUILD: &[(&str, &str)] = &[
     ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16"),
     ("CARGO_PROFILE_RELEASE_LTO", "off"),
@@ -101,8 +102,8 @@ pub(crate) enum Need {
 }
 
 impl Need {
-    /// Makes sure that it is installed. A missing target is added; a tool takes minutes to build
-    /// and is never installed unasked.
+    /// Makes sure that the prerequisite is installed. A missing target is added; a tool takes
+    /// minutes to build and is never installed unasked.
     pub(crate) fn provide(self, workspace: &Workspace) -> Result<()> {
         match self {
             Self::Target(target) => add_target(workspace, target),
@@ -119,7 +120,7 @@ impl Need {
 }
 
 impl Tool {
-    /// Command that installs it.
+    /// Command that installs the tool.
     fn install(&self) -> Invocation {
         let package = format!("{}@{}", self.package, self.version);
         let mut arguments = vec!["install", "--locked", &package];

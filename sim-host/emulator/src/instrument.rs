@@ -118,7 +118,7 @@ impl Instrument {
         }
     }
 
-    /// Waits until the image sends its identity: before that it accepts no commands.
+    /// Waits until the image sends its identity: before that the image accepts no commands.
     ///
     /// # Errors
     /// [`ImageFailure`].

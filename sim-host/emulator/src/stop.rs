@@ -29,9 +29,9 @@ pub enum Stop {
         /// Address of the instruction.
         pc: u32,
     },
-    /// An access that the chip forbids: it would hang or return an arbitrary value.
+    /// An access that the chip forbids: the chip would hang or return an arbitrary value.
     Misused {
-        /// Description, with the right way to do it.
+        /// Description of the misuse, with the right way to do it.
         what: &'static str,
         /// Address of the instruction.
         pc: u32,
@@ -45,7 +45,7 @@ pub enum Stop {
 pub(crate) enum Refusal {
     /// The register, or this value of it, is not modelled.
     Unmodelled,
-    /// The chip forbids the access: description, with the right way to do it.
+    /// The chip forbids the access: description of the misuse, with the right way to do it.
     Misuse(&'static str),
 }
 

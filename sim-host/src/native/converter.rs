@@ -49,7 +49,8 @@ impl Shared {
     }
 }
 
-/// I2C bus, whose transfers block for their duration. The other converter gets its turn after each.
+/// I2C bus, whose transfers block for their duration. After each transfer the other converter gets
+/// its turn.
 pub(super) struct NativeBus<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,

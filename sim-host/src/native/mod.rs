@@ -355,8 +355,8 @@ impl<'a> NativeBoard<'a> {
         }
     }
 
-    /// Runs the storage: its pending order, or the next part of one. It makes one report per turn,
-    /// as on the device, and takes no virtual time.
+    /// Runs the storage: its pending order, or the next part of one. The storage makes one report
+    /// per turn, as on the device, and takes no virtual time.
     fn run_storage(&mut self) {
         if let Some(report) = self.hardware.storage_reports() {
             self.instrument.stored(&mut self.hardware, &report);
@@ -376,7 +376,7 @@ impl<'a> NativeBoard<'a> {
         has_received
     }
 
-    /// Restarts the instrument: it keeps only stored data, and configures the converters again.
+    /// Restarts the instrument, which keeps only stored data, and configures the converters again.
     fn restart(&mut self) {
         self.hardware.boot_id += 1;
         self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);

@@ -135,7 +135,8 @@ pub struct RigParameters {
     pub stage_error_m: f64,
     /// Phase of that error at zero, rad.
     pub stage_phase: f64,
-    /// Relative tolerance of the rig's springs, 0 to 0.5; each spring is off by a part of it.
+    /// Relative tolerance of the rig's springs, 0 to 0.5; the error of each spring is a fraction of
+    /// it.
     pub spring_tolerance: f64,
 }
 

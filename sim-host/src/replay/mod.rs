@@ -74,7 +74,7 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// Whether both are the same bytes; `None` without a recomputed record.
+    /// Whether both records are the same bytes; `None` without a recomputed one.
     pub fn is_identical(&self) -> Option<bool> {
         match &self.replayed {
             Ok(replayed) => Some(self.bytes(replayed) == self.bytes(&self.frame.message)),

@@ -235,7 +235,8 @@ impl Run {
         self.event(at, &Event::Command(LINK, &frame));
     }
 
-    /// Runs a step. Its time never goes back behind that of a later record.
+    /// Runs a step. Time never goes back: a step that is earlier than the last one runs at the last
+    /// one's time.
     fn event(&mut self, at: Instant, event: &Event<'_>) {
         self.now = self.now.max(at);
         self.procedure.step_into(self.now, event, &mut self.actions);

@@ -16,17 +16,17 @@ use super::filaments::MU_0;
 /// Conductivity of copper at 20 °C, S/m (IEC 60028).
 pub const COPPER_S_PER_M: f64 = 5.8e7;
 
-/// Wave numbers at which the integrand is evaluated: up to 1500/m, beyond which e^(−k z) is below
-/// 3·10⁻³ at the 4 mm or more between drive and sensing coil, by the midpoint rule.
+/// Number of wave numbers at which the integrand is evaluated: up to 1500/m, beyond which e^(−k z)
+/// is below 3·10⁻³ at the 4 mm or more between drive and sensing coil, by the midpoint rule.
 const STEPS: u32 = 600;
 const STEP_PER_M: f64 = 2.5;
 
 /// A turn of the drive coils.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
-    /// Its radius, m.
+    /// Radius of the turn, m.
     pub radius_m: f64,
-    /// Its distance from the plane of the sensing coil, m, 4 mm or more.
+    /// Distance of the turn from the plane of the sensing coil, m, 4 mm or more.
     pub distance_m: f64,
 }
 

@@ -44,7 +44,7 @@ pub struct TankState {
     pub warmer_k: f64,
     /// Distance of the load's face from the upper slab, m.
     pub opening_m: f64,
-    /// Remaining share of the face's reflection: 1 without actuating field.
+    /// Remaining share of the reflection of the load's face: 1 without actuating field.
     pub object: f64,
 }
 
@@ -61,7 +61,7 @@ pub struct Resonance {
     pub per_kelvin: f64,
     /// Slope in the distance of the load's face, Hz/m.
     pub per_opening: f64,
-    /// Slope in the remaining share of the reflection, Hz.
+    /// Slope in the remaining share of the face's reflection, Hz.
     pub per_object: f64,
 }
 

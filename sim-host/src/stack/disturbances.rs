@@ -400,7 +400,7 @@ fn coil(text: &str) -> Result<CoilDesign, String> {
 
 /// Millimetres between two words, converted to metres.
 fn metres(text: &str, before: &str, after: &str) -> Result<f64, String> {
-    // A quotient, not a product with 1e-3: it is the nearest number to the written one.
+    // A quotient, not a product with 1e-3: the quotient is the nearest number to the written one.
     amid::<f64>(text, before, after).map(|millimetres| millimetres / 1e3)
 }
 

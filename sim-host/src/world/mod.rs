@@ -191,8 +191,8 @@ impl World {
     }
 
     /// Sets the coil's current, as [`Self::set_current`], with the ripple of an external circuit, A
-    /// rms, in place of the computed ripple. It acts whether the world's own ripple is enabled or
-    /// not.
+    /// rms, in place of the computed ripple. The given ripple acts whether the world's own ripple
+    /// is enabled or not.
     pub fn set_current_with_ripple(&mut self, mean_a: f64, ripple_a: f64) {
         self.hold(Command::rippling(sound(mean_a), sound(ripple_a)));
     }
@@ -231,7 +231,7 @@ impl World {
     }
 
     /// Sets the ambient temperature to `change_k` above that of calibration, K, within the allowed
-    /// 50. It acts whether the world's own change is enabled or not.
+    /// 50. The change acts whether the world's own change is enabled or not.
     pub fn set_ambient(&mut self, change_k: f64) {
         let change_k = sound(change_k).clamp(-50.0, 50.0);
         self.interrupt(|_, _| {});
@@ -434,7 +434,7 @@ impl World {
         self.inputs.profile.position_m(self.now)
     }
 
-    /// Displacement of the press at which the sensing layer is pressed by `depth_m`, without creep,
+    /// Displacement of the press that compresses the sensing layer by `depth_m`, without creep,
     /// growth, attraction and current, m.
     #[must_use]
     pub fn press_for_depth_m(&self, depth_m: f64) -> f64 {

@@ -13,9 +13,9 @@ pub struct Truth {
     pub time: Time,
     /// Force F through the sensor, N.
     pub force_n: f64,
-    /// Friction beside the sensing layer, N; the layer itself carries F less this.
+    /// Friction beside the sensing layer, N; the layer itself carries F less the friction.
     pub friction_n: f64,
-    /// Pull of the actuating coils on the load, N; its spring carries F less this.
+    /// Pull of the actuating coils on the load, N; the load's spring carries F less this pull.
     pub pull_n: f64,
     /// Force in the actuated layer, N: F plus the attraction.
     pub actuated_force_n: f64,

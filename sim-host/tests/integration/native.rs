@@ -324,7 +324,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             (1_980..=2_002).contains(&(after - before))
         });
         assert!(even, "{way:?}");
-        // It recovers, and was reported meanwhile.
+        // The second converter recovers, and its failure was reported.
         let second = samples(&after, 1);
         let last_us = second.last().expect("it comes back").0;
         assert!(last_us > 1_450_000, "{way:?}: {last_us}");

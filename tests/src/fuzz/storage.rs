@@ -196,7 +196,7 @@ impl StorageBench {
         };
         match self.call(store.erase())? {
             Ok(()) => {}
-            // It ends before the save numbers wrap.
+            // The storage ends for good before its save numbers wrap.
             Err(Error::Exhausted) => return Ok(()),
             Err(error) => return Err(format!("it cannot be erased: {error}")),
         }
@@ -229,7 +229,7 @@ fn bearable<T>(result: Result<T, Error<Failure>>) -> Result<Option<T>, String> {
 /// A flash that counts operations, and whose power can fail.
 struct Meter {
     flash: Flash,
-    /// Operations left until it fails.
+    /// Operations left until a call counts as endless.
     patience: Rc<Cell<u64>>,
     /// Changes left until the power fails.
     power: Option<u8>,

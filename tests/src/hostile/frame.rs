@@ -47,7 +47,7 @@ pub fn payload(command: &Command) -> Vec<u8> {
     let mut buffer = [0; Command::MAX_FRAME];
     let frame = encode(&header, command, &mut buffer).unwrap_or_default();
     let content = unstuffed(frame);
-    // Before it are version, kind and four one-byte numbers; after it the CRC-32.
+    // Before the payload are version, kind and four one-byte numbers; after it the CRC-32.
     let end = content.len().saturating_sub(4);
     content.get(6..end).unwrap_or_default().to_vec()
 }

@@ -6,7 +6,7 @@ use system_tests::hostile::campaign;
 fn whatever_comes_over_the_links_is_answered_and_drives_nothing_beyond_its_limits() {
     let summary = campaign(1_000_000, 20_000);
     assert!(summary.defects.is_empty(), "{:#?}", summary.defects);
-    // Each of these must have been reached.
+    // Each of these states must have been observed, armed (`true`) or not.
     for seen in [
         ("baseline", false),
         ("baseline", true),

@@ -39,12 +39,13 @@ pub(super) struct Cargo {
 /// Contents of a package.
 #[derive(Debug, Default)]
 struct Package {
-    /// Its folder, relative to the root.
+    /// Folder of the package, relative to the root.
     folder: String,
     features: BTreeSet<String>,
-    /// Programs, tests, examples and benchmarks, each as its option, such as `--test integration`.
+    /// Programs, tests, examples and benchmarks of the package, each as cargo's option, such as
+    /// `--test integration`.
     targets: BTreeSet<String>,
-    /// Names of its modules and functions, which select tests.
+    /// Names of the package's modules and functions, which select tests.
     items: BTreeSet<String>,
 }
 
@@ -109,7 +110,7 @@ impl Cargo {
             words = rest;
         }
         match words {
-            // A sentence that names the program, or a toolchain of it.
+            // A sentence that only names the program, or a toolchain of cargo.
             [] | ["xtask"] => None,
             ["xtask", ..] => fault_of_xtask(words),
             [verb, ..] if self.aliases.contains(*verb) => None,

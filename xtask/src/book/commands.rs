@@ -12,7 +12,7 @@ pub(crate) struct Command {
     pub(crate) line: usize,
     /// The whole command on one line, with its comment.
     pub(crate) text: String,
-    /// Whether it is within a sentence.
+    /// Whether the command is within a sentence.
     pub(crate) is_inline: bool,
 }
 

@@ -13,7 +13,7 @@ pub(super) struct Page {
     pub(super) code: Vec<(usize, String)>,
     /// Commands, in code blocks and in sentences.
     pub(super) commands: Vec<Command>,
-    /// Names of its headings.
+    /// Anchors of the page's headings.
     pub(super) anchors: BTreeSet<String>,
 }
 

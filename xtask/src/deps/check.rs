@@ -11,7 +11,7 @@ use crate::members::{Member, RunsOn};
 pub(super) struct Violation {
     /// Name of the rule.
     pub(super) rule: &'static str,
-    /// Crate that breaks it.
+    /// Crate that breaks the rule.
     pub(super) who: String,
     /// Description, with the reason for the rule.
     fault: String,

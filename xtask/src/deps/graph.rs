@@ -45,9 +45,9 @@ pub(super) struct Crate {
     pub(super) name: String,
     /// Folder relative to the workspace, with `/` between the parts.
     pub(super) folder: String,
-    /// Its features, without `default`.
+    /// Features of the crate, without `default`.
     pub(super) features: BTreeSet<String>,
-    /// Dependencies in its manifest, from the workspace and from elsewhere.
+    /// Dependencies in the crate's manifest, from the workspace and from elsewhere.
     pub(super) dependencies: Vec<Dependency>,
 }
 
@@ -58,9 +58,9 @@ pub(super) struct Dependency {
     pub(super) name: String,
     /// Table of the entry.
     pub(super) kind: Kind,
-    /// Whether it is only active with a feature.
+    /// Whether the dependency is active only with a feature.
     pub(super) optional: bool,
-    /// Whether it applies to some platforms only (`[target.'cfg(..)'.dependencies]`).
+    /// Whether the dependency applies to some platforms only (`[target.'cfg(..)'.dependencies]`).
     pub(super) target_gated: bool,
 }
 

@@ -16,9 +16,9 @@ pub(super) const DRIVERS: &str = "drivers/*";
 pub(super) struct Rule {
     /// Name of the rule, for messages.
     pub(super) name: &'static str,
-    /// Crates to which it applies.
+    /// Crates to which the rule applies.
     pub(super) who: &'static str,
-    /// Crates on which they may depend.
+    /// Crates on which those crates may depend.
     pub(super) may_depend: On,
     /// Reason.
     pub(super) because: &'static str,
@@ -27,9 +27,9 @@ pub(super) struct Rule {
 /// A set of crates of the workspace, by name.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum On {
-    /// Only these.
+    /// Only these crates.
     Only(&'static [&'static str]),
-    /// All except these.
+    /// All crates except these.
     AnyBut(&'static [&'static str]),
 }
 

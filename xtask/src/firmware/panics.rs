@@ -2,7 +2,7 @@
 //!
 //! The panic machinery is in `core`. Its callers are found by the branches in the image's code
 //! (ARMv6-M architecture). The positive control is the image with a planted panic: it must contain
-//! one more.
+//! one more such part.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -92,7 +92,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
         );
     }
     let with_panic = panicking(&planted::image(workspace, "panic")?)?;
-    // If it is inlined into a known function, that function has one more call.
+    // If the planted panic is inlined into a known function, that function has one more call.
     let is_known = |(part, functions): (&String, &Calls)| {
         let known = found.get(part);
         functions

@@ -61,7 +61,7 @@ fn try_out(workspace: &Workspace, defect: &Patch) -> Result<Vec<String>> {
         .map(str::to_owned)
         .collect();
     if red.is_empty() && !output.status.success() {
-        // It did not compile: the defect shows nothing about the tests.
+        // The defect did not compile: it shows nothing about the tests.
         let said = String::from_utf8_lossy(&output.stderr);
         bail!("{}: {said}", defect.name);
     }

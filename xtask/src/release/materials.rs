@@ -15,9 +15,9 @@ const BILL: &str = "bill-of-materials";
 
 /// A program of the release.
 struct Program<'a> {
-    /// Name of its files.
+    /// Name of the program's files.
     name: &'a str,
-    /// Its package and its manifest.
+    /// Package of the program; below, its manifest.
     package: &'a str,
     manifest: &'a str,
     /// Target of the build.
@@ -36,8 +36,8 @@ struct Package {
     manifest_path: std::path::PathBuf,
 }
 
-/// Writes both for tool and firmware into the folders `materials` and `licences`. Their time is
-/// that of the commit, s since 1970.
+/// Writes bills of materials and licences of tool and firmware into the folders `materials` and
+/// `licences`. The time in the bills is that of the commit, s since 1970.
 pub(super) fn write(
     workspace: &Workspace,
     platform: &str,
@@ -86,7 +86,7 @@ fn bill(workspace: &Workspace, program: &Program<'_>, time_s: u64) -> Result<Str
         BILL,
         "--quiet",
     ];
-    // Without it, a bill has a random serial number and the present time.
+    // Without this variable, a bill has a random serial number and the present time.
     let time = time_s.to_string();
     workspace.run(&Invocation::cargo(&arguments).with_env("SOURCE_DATE_EPOCH", &time))?;
     let query = ["metadata", "--locked", "--format-version", "1", "--no-deps"];

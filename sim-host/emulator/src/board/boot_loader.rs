@@ -69,7 +69,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.boot_loader.is_some()
     }
 
-    /// Start parameters of the boot loader; `None` if the board is not in it.
+    /// Start parameters of the boot loader; `None` if the board is not in the boot loader.
     #[must_use]
     pub const fn boot_loader(&self) -> Option<&BootLoader> {
         self.boot_loader.as_ref()

@@ -156,8 +156,8 @@ impl EmulatedCoil {
         self.inputs = inputs;
     }
 
-    /// Whether the bridge pulls nFAULT; it also does while it wakes, since its charge pump has no
-    /// voltage yet.
+    /// Whether the bridge pulls nFAULT: on a fault, and while it wakes, since its charge pump has
+    /// no voltage yet.
     pub(crate) fn has_fault(&self) -> bool {
         self.circuit.is_limiting() || self.circuit.is_waking() || self.drive.bridge_faults
     }

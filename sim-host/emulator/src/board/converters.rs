@@ -1,4 +1,4 @@
-//! The converters on the bus, with their other pins: SD and CLKIN.
+//! The converters on the bus, with their pins SD and CLKIN.
 
 use ldc161x_sim::{Ack, Chip, ExternalClock, Time};
 

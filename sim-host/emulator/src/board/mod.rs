@@ -586,8 +586,8 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.coil.circuit().current_a()
     }
 
-    /// Sums of the circuit up to now. The circuit itself advances only when its state is read, and
-    /// may lag by part of a period.
+    /// The circuit's sums up to now. The circuit itself advances only when its state is read, and
+    /// may lag behind by part of a period.
     pub fn totals(&mut self) -> Totals {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.coil.circuit().totals()
@@ -598,7 +598,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.pwm.take_level_times()
     }
 
-    /// The coil's circuit, advanced to the present: it only advances when something reads it.
+    /// The coil's circuit, advanced to the present: otherwise it may lag behind.
     #[must_use]
     pub fn circuit(&mut self) -> &Circuit {
         self.bus.run_coil(self.bus.clock.now_ps());
@@ -611,7 +611,8 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.coil.circuit_mut()
     }
 
-    /// Bridge and measurement, to inject faults; the converter of the current stays as it is.
+    /// Bridge and current measurement, to inject faults; the errors of the analog-to-digital
+    /// converter stay as they are.
     pub const fn drive_mut(&mut self) -> &mut BridgeCircuit {
         self.bus.coil.drive_mut()
     }

@@ -197,7 +197,7 @@ impl Clocks {
         (1e6..=FASTEST_HZ).contains(&hz).then_some(hz)
     }
 
-    /// Clock of the ADC; `None` if it is stopped.
+    /// Clock of the ADC, Hz; `None` if it is stopped.
     pub(crate) fn adc_hz(&self) -> Option<f64> {
         self.auxiliary_hz(ADC)
     }

@@ -172,7 +172,8 @@ impl I2c {
         self.state == MasterState::Idle
     }
 
-    /// Whether the master drives neither wire; while it drives one, it traces their levels itself.
+    /// Whether the master drives neither wire; while it drives a wire, it traces the levels of both
+    /// itself.
     pub(crate) fn is_off_the_wires(&self) -> bool {
         matches!(self.state, MasterState::Idle | MasterState::Waiting)
     }

@@ -81,7 +81,7 @@ impl Power {
     }
 
     /// State after a watchdog reset: CHIP_RESET keeps its flags (2.13.2). VREG and BOD are reset,
-    /// as WDSEL selects them with the rest (2.13.5).
+    /// since WDSEL selects them too (2.13.5).
     pub(crate) fn after_watchdog(&mut self) {
         *self = Self {
             cause: self.cause,

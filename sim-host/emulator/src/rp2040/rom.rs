@@ -2,8 +2,8 @@
 //! project.
 //!
 //! Functions that compute are real code. Functions that drive the flash pass their arguments to a
-//! private register block of the emulator and poll until it has finished, so interrupts arrive
-//! meanwhile, as on the chip.
+//! private register block of the emulator and poll until the emulator has finished, so interrupts
+//! arrive meanwhile, as on the chip.
 
 use std::sync::{Arc, OnceLock};
 
@@ -134,7 +134,7 @@ const MEMCPY: [u16; 7] = [
     0x4770, // 2: bx   lr
 ];
 
-/// Passes r0 to r3 and the number of a function to the emulator, and waits until it ends.
+/// Passes r0 to r3 and the number of a function to the emulator, and waits until the function ends.
 const fn call(number: u16) -> [u16; 13] {
     [
         0xB530,          //    push {r4, r5, lr}

@@ -38,7 +38,7 @@ impl Step {
         }
     }
 
-    /// Number of bits that are sent to the flash before it starts the operation.
+    /// Number of bits that are sent before the flash starts the operation.
     pub(crate) const fn bits(&self) -> u64 {
         match self.kind {
             FlashOperationKind::ProgramPage => COMMAND_BITS + 8 * PAGE as u64,

@@ -16,7 +16,7 @@ pub(crate) struct Watchdog {
     is_forced: bool,
     scratch: [u32; 8],
     tick: u32,
-    /// Whether it has expired and the chip must be reset.
+    /// Whether the watchdog has expired and the chip must be reset.
     pub(crate) has_fired: bool,
 }
 

@@ -78,10 +78,10 @@ mod raised {
     pub(super) const ALL: u32 = 0xF_FFFF;
 }
 
-/// State of the lines as SIE_STATUS shows it (USB 2.0 7.1.7.1, full speed).
+/// State of the bus lines in SIE_STATUS (USB 2.0 7.1.7.1, full speed).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LineState {
-    /// Both low.
+    /// Both lines low.
     Reset = 0,
     /// Idle.
     J = 1,
@@ -201,8 +201,8 @@ impl UsbController {
         }
     }
 
-    /// Whether its pull-up signals a full-speed device. Without VBUS, which no pin provides on a
-    /// Raspberry Pi Pico, it does not; that is a guess.
+    /// Whether the controller's pull-up signals a full-speed device. It does not without VBUS,
+    /// which no pin provides on a Raspberry Pi Pico; that is a guess.
     pub(crate) const fn is_attached(&self) -> bool {
         self.main & ENABLED != 0
             && self.muxing & TO_PHY != 0
@@ -219,7 +219,7 @@ impl UsbController {
         self.problem.take()
     }
 
-    /// Whether it has requested a resume of a suspended bus since the last call.
+    /// Whether the controller has requested a resume of a suspended bus since the last call.
     pub(crate) fn take_wake(&mut self) -> bool {
         std::mem::take(&mut self.wakes)
     }
@@ -360,7 +360,7 @@ impl UsbController {
         let Some((armed_ps, frame_ps)) = armed_ps.zip(self.frame_ps).filter(|_| is_bulk) else {
             return;
         };
-        // In this frame, or in an earlier one.
+        // The packet became available in this frame, or in an earlier one.
         let within_ps = (armed_ps + FRAME_PS - frame_ps % FRAME_PS) % FRAME_PS;
         if within_ps <= *ENDS_FRAME_PS.end() {
             self.latest_bulk_ps = self.latest_bulk_ps.max(within_ps);
@@ -369,7 +369,7 @@ impl UsbController {
 
     /// Whether a bulk packet requested now became available at the end of this frame: if the start
     /// of the next frame replaces the host's answer, the controller waits for that answer for ever.
-    /// Here it always does, the worst case of the erratum.
+    /// Here the start always replaces it, the worst case of the erratum.
     fn ends_frame(&self, index: usize, now_ps: u64) -> bool {
         let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
         let which = self.busy.map_or(0, |busy| busy.half);
@@ -628,7 +628,7 @@ impl UsbController {
 
     /// Writes a register through one of its four views: plain, xor, set, clear. A
     /// write-one-to-clear bit is cleared through the plain and the clear view; the SDK relies on
-    /// it.
+    /// that.
     pub(crate) fn write(&mut self, view: u32, offset: u32, value: u32, now_ps: u64) -> Option<()> {
         if let 0x50 | 0x58 | 0x64 | 0x70 = offset {
             return matches!(view, 0 | 3).then(|| self.clear(offset, value));

@@ -40,7 +40,7 @@ pub struct UsbDescription {
     /// String descriptors that other descriptors refer to, by index, in the first language; empty
     /// where the device refused.
     pub strings: BTreeMap<u8, Vec<u8>>,
-    /// Whether it refused a device qualifier, as required without high speed (9.6.2).
+    /// Whether the device refused a device qualifier, as required without high speed (9.6.2).
     pub refused_qualifier: bool,
 }
 

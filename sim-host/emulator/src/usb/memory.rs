@@ -42,7 +42,7 @@ struct Half {
     armed_ps: Option<u64>,
 }
 
-/// The memory.
+/// The shared memory.
 ///
 /// If a half is made available together with a change of its other bits, or less than a period of
 /// clk_usb after it, the controller may read the old bits. Here it always does, until the half is

@@ -53,8 +53,8 @@ impl Usb {
         self.controller.is_attached()
     }
 
-    /// Number of times that a buffer was made available too soon after the rest of its control
-    /// word.
+    /// Number of times that a buffer was made available too soon after the other bits of its
+    /// control word.
     #[cfg(test)]
     pub(crate) const fn races(&self) -> u32 {
         self.controller.memory.races()

@@ -60,7 +60,7 @@ pub(crate) enum Reply {
     Silence,
     Nak,
     Stall,
-    /// It accepts the host's data.
+    /// The device accepts the host's data.
     Ack,
     /// Data for the host, with PID DATA1 or DATA0.
     Data {

@@ -140,7 +140,7 @@ fn in_stream(fault: ChipFault) -> Vec<record::Fault> {
 }
 
 /// With a single channel, the converter's watchdog reports that the sensor does not oscillate
-/// (SNOA959 3.3); with several channels it is inactive.
+/// (SNOA959 3.3); with several channels that watchdog is inactive.
 fn without_clock() -> Vec<record::Fault> {
     let mut bench = crate::common::streaming();
     let settings = palpate_wire::command::Settings {

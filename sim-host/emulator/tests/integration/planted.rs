@@ -51,7 +51,7 @@ fn an_image_that_drops_a_write_or_swaps_the_words_is_caught() {
     }
 }
 
-/// By the ADC's datasheet, a board with this image measures nothing.
+/// According to the ADC's datasheet, a board with this image measures nothing.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {

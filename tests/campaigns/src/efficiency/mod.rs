@@ -119,7 +119,7 @@ struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// Its presses that gave an estimate.
+    /// The sensor's presses that gave an estimate.
     fn presses(&self) -> Result<Vec<JudgedPress>, Failure> {
         let (plant, switches) = (&self.plant, Switches::all());
         let settings = default_settings();

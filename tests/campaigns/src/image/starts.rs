@@ -60,7 +60,7 @@ fn changed(
     let edges = bench.board.chip().interrupts();
     bench.run(length(rate_hz));
     let first = bench.samples().find(|(_, it)| it.channels.len() == count);
-    // The sample's own time: it was sent as soon as it was made.
+    // The time in the sample counts, since it was sent as soon as it was made.
     let origin_us = begin.as_secs_f64() * 1e6;
     if let (Some((time_us, _)), true) = (first, edges > 0) {
         let took_us = (time_us as f64 - origin_us).max(0.0);

@@ -166,8 +166,8 @@ impl Flash {
         self.sectors.bytes().collect()
     }
 
-    /// Replaces all contents, from the start of the flash; the rest is erased, and bytes beyond
-    /// 2 MiB are ignored. Counts and log stay.
+    /// Replaces all contents, from the start of the flash; the rest of the flash is erased, and
+    /// bytes beyond 2 MiB are ignored. Counts and log stay.
     pub fn import(&mut self, contents: &[u8]) {
         self.sectors = Sectors::new(contents);
         self.has_changed = true;
@@ -186,7 +186,7 @@ impl Flash {
         Arc::make_mut(&mut self.worn).insert(sector_of(address));
     }
 
-    /// Erase count of each sector; it includes erases of the sector's block.
+    /// Erase count of each sector, including erases of the sector's block.
     #[must_use]
     pub fn erase_counts(&self) -> &[u32] {
         &self.erase_counts

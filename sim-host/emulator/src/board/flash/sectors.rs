@@ -12,7 +12,8 @@ const ERASED: u8 = 0xFF;
 pub(super) struct Sectors(Vec<Arc<[u8; SECTOR]>>);
 
 impl Sectors {
-    /// Contents from the start of the flash; the rest is erased, and excess bytes are ignored.
+    /// Contents from the start of the flash; the rest of the flash is erased, and excess bytes are
+    /// ignored.
     pub(super) fn new(contents: &[u8]) -> Self {
         let erased = Arc::new([ERASED; SECTOR]);
         let mut sectors = Self(vec![erased; SIZE / SECTOR]);

@@ -159,8 +159,9 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
-    /// Whether the chip restarts when the core's supply falls to a voltage. The run stops if
-    /// it does not although the voltage is too low: the processor's behaviour is then unknown.
+    /// Whether the chip restarts when the core's supply falls to a voltage. The run stops if the
+    /// chip does not restart although the voltage is too low: the processor's behaviour is then
+    /// unknown.
     pub(crate) fn restarts_at(&mut self, core_v: f64) -> bool {
         if self.power.detects(core_v) {
             return true;

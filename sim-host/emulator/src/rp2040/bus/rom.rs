@@ -181,8 +181,8 @@ impl<P: Plant> SystemBus<P> {
         Ok(())
     }
 
-    /// Makes the watchdog reset everything after the time that the boot ROM intends; due to erratum
-    /// E1 it takes half of it (the boot ROM's source, `runtime.c`).
+    /// Makes the watchdog reset everything after half of the time that the boot ROM intends, due to
+    /// erratum E1 (the boot ROM's source, `runtime.c`).
     pub(crate) fn reboot_by_watchdog(&mut self, milliseconds: u32) -> Option<()> {
         self.power.let_watchdog_reset_all();
         let now_ps = self.clock.now_ps();

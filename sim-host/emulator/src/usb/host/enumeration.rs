@@ -152,7 +152,7 @@ impl Enumeration {
         }
     }
 
-    /// Step after these data; `None` if they are too short.
+    /// Step after the one that received `data`; `None` if the data are too short.
     fn after(&mut self, data: Vec<u8>) -> Option<Step> {
         Some(match self.step {
             Step::FirstDevice if data.len() >= 8 => Step::Reset,

@@ -61,7 +61,7 @@ impl Default for UsbHostSettings {
     }
 }
 
-/// State of the host with the device (USB 2.0 9.1.1, and before it).
+/// State of the device as the host sees it: those of USB 2.0 9.1.1, and earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UsbState {
     /// No cable.
@@ -305,7 +305,7 @@ impl UsbHost {
 
     // ---- state and results ----
 
-    /// State of the host with the device.
+    /// State of the device as the host sees it.
     #[must_use]
     pub const fn state(&self) -> UsbState {
         match self.port {

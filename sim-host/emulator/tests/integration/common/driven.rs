@@ -200,7 +200,7 @@ pub(crate) struct StepResult {
     pub(crate) took: Time,
     /// Shortest time that supply and inductance allow.
     pub(crate) possible: Time,
-    /// Highest mean of a period, less the end value and relative to it.
+    /// Greatest excess of a period's mean over the end value, relative to that value.
     pub(crate) overshoot: f64,
 }
 

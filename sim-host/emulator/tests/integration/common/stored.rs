@@ -259,7 +259,7 @@ impl<P: Plant> RecordedBoard<P> {
 
     /// First records of the board after the start of a run.
     pub(crate) fn started(&mut self) -> FoundAtStart {
-        // Drops the rest of the previous run.
+        // Drops what is left of the previous run's bytes.
         self.board.read_channel(super::DATA);
         self.restart_listening();
         let storage = self

@@ -32,7 +32,7 @@ const RESTARTS: [u8; 2] = [1, 2];
 const LENGTHS: [u16; 20] = [
     0, 1, 2, 7, 8, 9, 18, 63, 64, 65, 84, 85, 127, 128, 129, 192, 255, 256, 512, 0xFFFF,
 ];
-/// Most bytes that the host sends; it may announce more.
+/// Most bytes that the host sends in a transfer; it may announce more.
 const MOST_SENT: usize = 512;
 
 const DEVICE_DESCRIPTOR: [u8; 4] = [0x80, 6, 0, 1];
@@ -68,7 +68,7 @@ pub(crate) struct ControlFindings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     ByItself,
-    /// The next setup packet replaces it.
+    /// The next setup packet replaces the transfer.
     Overtaken,
     /// The bus is reset after this time.
     Reset(Time),
@@ -281,7 +281,7 @@ fn draw(chance: &mut Chance) -> ControlTransfer {
     }
 }
 
-/// Whether it is one of the two requests that reboot the board, sent to interface 2.
+/// Whether a setup packet is one of the two requests that reboot the board, sent to interface 2.
 fn is_restart_request([kind, request, _, _, index, index_high, ..]: [u8; 8]) -> bool {
     kind == 0x21 && RESTARTS.contains(&request) && index == 2 && index_high == 0
 }

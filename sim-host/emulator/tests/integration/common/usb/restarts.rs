@@ -36,7 +36,7 @@ pub(crate) fn reboot(bench: &mut UsbBench) -> (Time, [u32; 2]) {
 #[derive(Clone, Debug)]
 pub(crate) struct Restart {
     pub(crate) outcome: Option<ControlOutcome>,
-    /// Time from the request to the bridge's end; `None` if it was off.
+    /// Time from the request until the bridge is off; `None` if it was off already.
     pub(crate) off: Option<Time>,
     /// Whether the bridge went off before the board was reset.
     pub(crate) off_first: bool,
