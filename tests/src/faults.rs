@@ -17,10 +17,10 @@ use ldc161x_sim::{
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_pcg::Pcg64Mcg;
 
-/// Faults happen in the first part of a schedule, in milliseconds of simulated time; temporary ones
-/// are over by its end.
+/// Length of the first part of a schedule, in which faults happen, in milliseconds of simulated
+/// time; temporary faults are over by its end.
 const FAULTS_MS: u64 = 60;
-/// Faults start within this time.
+/// Time from the start of a schedule within which faults start, ms.
 const FAULTS_BEGIN_WITHIN_MS: u64 = 40;
 /// Longest duration of a temporary fault.
 const LONGEST_FAULT_MS: u64 = 20;

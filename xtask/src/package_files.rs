@@ -1,5 +1,5 @@
-//! Files of a separate package: licences, a README with a title, a manifest with keywords, and
-//! dependencies that are packages too.
+//! Checks the files of each separate package: licences, a README with a title, a manifest with
+//! keywords, and dependencies that are packages too.
 //!
 //! The licences are copies, since a link does not survive packaging on every platform; the check
 //! compares them with those of the root.

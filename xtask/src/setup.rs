@@ -19,7 +19,7 @@ pub(crate) struct Tool {
     probe: &'static [&'static str],
 }
 
-/// Licences, sources and banned crates.
+/// Checks licences, sources and banned crates.
 pub(crate) const CARGO_DENY: Tool = Tool {
     package: "cargo-deny",
     version: "0.20.2",
@@ -27,7 +27,7 @@ pub(crate) const CARGO_DENY: Tool = Tool {
     probe: &["cargo", "deny", "--version"],
 };
 
-/// Spelling.
+/// Checks the spelling.
 pub(crate) const TYPOS: Tool = Tool {
     package: "typos-cli",
     version: "1.52.0",
@@ -35,7 +35,7 @@ pub(crate) const TYPOS: Tool = Tool {
     probe: &["typos", "--version"],
 };
 
-/// The book, without its server and file watching, which the gate does not need.
+/// Builds the book; installed without its server and file watching, which the gate does not need.
 pub(crate) const MDBOOK: Tool = Tool {
     package: "mdbook",
     version: "0.5.4",
@@ -43,7 +43,7 @@ pub(crate) const MDBOOK: Tool = Tool {
     probe: &["mdbook", "--version"],
 };
 
-/// The fuzzer.
+/// Runs the fuzzer.
 pub(crate) const CARGO_FUZZ: Tool = Tool {
     package: "cargo-fuzz",
     version: "0.13.2",
@@ -51,7 +51,7 @@ pub(crate) const CARGO_FUZZ: Tool = Tool {
     probe: &["cargo", "fuzz", "--version"],
 };
 
-/// Licences of all contents of a release, with their texts.
+/// Lists the licences of all contents of a release, with their texts.
 pub(crate) const CARGO_ABOUT: Tool = Tool {
     package: "cargo-about",
     version: "0.9.3",
@@ -59,7 +59,7 @@ pub(crate) const CARGO_ABOUT: Tool = Tool {
     probe: &["cargo", "about", "--version"],
 };
 
-/// Bills of materials of a release.
+/// Writes the bills of materials of a release.
 pub(crate) const CARGO_CYCLONEDX: Tool = Tool {
     package: "cargo-cyclonedx",
     version: "0.5.9",

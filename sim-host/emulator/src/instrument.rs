@@ -24,14 +24,14 @@ pub const COMMANDS: u32 = 0;
 /// Interval of the PC's polls for records; the firmware's channel can queue the records of a tenth
 /// of a second.
 const POLL: Time = Time::from_ms(1);
-/// Longest time from power on to the first record: boot, the converter's wake-up, and, if the
-/// converter is absent, its deadlines.
+/// Longest time from power on to the first record: boot, the converter's wake-up, and the deadlines
+/// that pass if the converter is absent.
 const GREETING: Time = Time::from_ms(200);
 /// Longest time from a command to its answer.
 const ANSWER: Time = Time::from_ms(100);
 /// Crystal frequency of a Raspberry Pi Pico, Hz.
 const CRYSTAL_HZ: f64 = 12e6;
-/// Frequency that the firmware makes of the crystal's for a converter with one channel, Hz.
+/// Frequency that the firmware derives from the crystal for a converter with one channel, Hz.
 const CLKIN_HZ: f64 = 200e6 / 6.0;
 
 /// Failure of the image or of the emulation.

@@ -102,7 +102,7 @@ impl ReadNorFlash for Flash {
 }
 
 impl NorFlash for Flash {
-    /// Equal to the device driver's write size.
+    /// Equal to the write size of the device's flash driver.
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR;
 

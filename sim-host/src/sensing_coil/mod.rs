@@ -51,8 +51,8 @@ pub struct CoilDesign {
 }
 
 impl CoilDesign {
-    /// The coil of the reference plants: 14/4 mm, 25 turns, slabs of 2 mm on both sides at 1 mm
-    /// (the stacks' `[tank]`; SOURCES.md section 5).
+    /// The coil of the reference plants: diameters of 14 and 4 mm, 25 turns, slabs of 2 mm on both
+    /// sides at a gap of 1 mm (the stacks' `[tank]`; SOURCES.md section 5).
     pub const REFERENCE: Self = Self {
         outer_diameter_m: 14e-3,
         inner_diameter_m: 4e-3,

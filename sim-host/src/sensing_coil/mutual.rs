@@ -16,8 +16,8 @@ use super::filaments::MU_0;
 /// Conductivity of copper at 20 °C, S/m (IEC 60028).
 pub const COPPER_S_PER_M: f64 = 5.8e7;
 
-/// Number of wave numbers at which the integrand is evaluated: up to 1500/m, beyond which e^(−k z)
-/// is below 3·10⁻³ at the 4 mm or more between drive and sensing coil, by the midpoint rule.
+/// Number of wave numbers at which the midpoint rule evaluates the integrand: up to 1500/m, beyond
+/// which e^(−k z) is below 3·10⁻³ at the 4 mm or more between drive and sensing coil.
 const STEPS: u32 = 600;
 const STEP_PER_M: f64 = 2.5;
 

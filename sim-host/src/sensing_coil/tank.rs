@@ -10,7 +10,7 @@ use super::curve::CoilCurve;
 pub const QUALITY_IN_AIR: f64 = 37.0;
 
 /// Relative loss of inductance of a bent coil, times the squared radius of bending, m² (SOURCES.md
-/// section 3: 0.9974 at 50 mm, 0.984 at 20 mm).
+/// section 3: inductance ratios of 0.9974 at 50 mm, 0.984 at 20 mm).
 pub const BENDING_M2: f64 = 6.5e-6;
 
 /// Distance of the actuated layer's copper from the coil's turns, m (SOURCES.md section 3).

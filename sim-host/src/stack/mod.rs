@@ -137,7 +137,7 @@ const PRESS_DEPTH: Key = Key::new(
 );
 
 impl Stack {
-    /// Keys of its file, besides `name`.
+    /// Keys of a stack file, besides `name`.
     pub const KEYS: [Key; 11] = [
         SENSING_SPRING,
         ACTUATED_SPRING,

@@ -254,7 +254,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
 
 #[test]
 fn a_converter_in_a_world_is_pulled_while_the_bridge_switches() {
-    // A duty at which the 48th harmonic has no zero.
+    // A current, A, at whose duty the 48th harmonic has no zero.
     const CURRENT_A: f64 = 4.2;
     let mut plant = middle("soft-closed");
     // Strong enough to lock wherever the resonance lies.

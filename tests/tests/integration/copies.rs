@@ -3,7 +3,7 @@
 
 use std::{fs, path::Path};
 
-/// Each copy of the project, with its original.
+/// Each copy of reference data in the project, with its original.
 const COPIES: &[(&str, &str)] = &[
     ("docs/examples/words.csv", "ldc_words.csv"),
     (

@@ -22,11 +22,11 @@ const NGSOLVE: &str = "ngsolve==6.2.2608";
 const NGSOLVE_SIZES: [f64; 5] = [8.0, 4.0, 2.0, 1.0, 0.5];
 const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
 
-/// Sizes of GetDP's triangles in designs with plates, towards which the meshes are graded.
+/// Sizes of GetDP's triangles in designs with plates, mm; the meshes are graded towards the plates.
 const GETDP_SIZES_WITH_PLATES: [f64; 3] = [0.8, 0.4, 0.2];
 
-/// Sizes of GetDP's triangles with saturation. The damped Newton method takes dozens of solutions
-/// on each mesh; size 0.2 would take six minutes.
+/// Sizes of GetDP's triangles with saturation, mm. The damped Newton method takes dozens of
+/// solutions on each mesh; size 0.2 would take six minutes.
 const GETDP_SIZES_SATURATING: [f64; 2] = [0.8, 0.4];
 
 /// Cost of a command.

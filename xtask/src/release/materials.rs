@@ -10,7 +10,7 @@ use super::files::{self, new_folder};
 use crate::members::FIRMWARE_TARGET;
 use crate::process::{Invocation, Workspace};
 
-/// Name of a bill of materials, which the tool writes beside each manifest.
+/// Name of a bill of materials, which cargo-cyclonedx writes beside each manifest.
 const BILL: &str = "bill-of-materials";
 
 /// A program of the release.

@@ -14,16 +14,16 @@ use crate::rp2040::pwm::Wave;
 /// Interval, ps, at which the plant receives the coil's mean current while there is a current: two
 /// periods of the bridge, over which the ripple averages out.
 const REPORT_PS: u64 = 32_000_000;
-/// Reports of the current from one reading of the plant's conditions, which change slowly, to the
-/// next.
+/// Number of current reports from one reading of the plant's conditions to the next; the conditions
+/// change slowly.
 const REPORTS_PER_READING: u64 = 4;
 /// Interval, ps, at which the plant's conditions are read while there is no current.
 const IDLE_PS: u64 = 1_000_000_000;
 /// Ratio of the coil's supply to the voltage at its ADC input: a divider of 100 kiloohm over 10
-/// kiloohm. Below, its time constant with its capacitor.
+/// kiloohm. Below, the time constant of the divider with its capacitor, s.
 const SUPPLY_RATIO: f64 = 11.0;
 const SUPPLY_TAU_S: f64 = 1e-3;
-/// Factor on the bridge's current limit while its self-test input is low.
+/// Factor on the bridge's current limit while the bridge's self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
 /// Gain of the current amplifier, V/A; below, its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;

@@ -46,8 +46,8 @@ const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
 /// Number of the boot ROM's attempts to find a second stage before it starts its loader. Below, the
 /// duration of one attempt with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half
-/// a second in total; the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, at the
-/// clock that it finds.
+/// a second in total; the ROM's source, `bootrom_main.c`): an attempt reads and sums 252 bytes, at
+/// the clock that it finds.
 const BOOT_ATTEMPTS: u32 = 128;
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
 

@@ -15,7 +15,7 @@ const RETURN: u32 = 0x2000_0000;
 const DATA: u32 = 0x2000_1000;
 /// The instruction `b .`, an endless loop, twice.
 const LOOP: u32 = 0xE7FE_E7FE;
-/// Byte that fills the flash after the image's code, to recognise it.
+/// Byte that fills the flash after the image's code; an erased byte differs from it.
 const FILL: u8 = 0x5A;
 const CYCLES_6_5_MHZ: f64 = 6.5e6;
 

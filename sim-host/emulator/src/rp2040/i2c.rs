@@ -15,7 +15,7 @@ const DEPTH: usize = 16;
 /// Delay from a command in an empty FIFO to the START, in clocks of the block. The datasheet does
 /// not give it; guess.
 const START_LATENCY: u64 = 12;
-/// Interval at which a master that waits for a free bus polls it.
+/// Interval at which a master that waits for a free bus polls the bus, ps.
 const POLL_PS: u64 = 1_000_000;
 
 /// Bits of a command.

@@ -112,7 +112,7 @@ const CTZ32: [u16; 8] = [
     0x4770, //    bx   lr
 ];
 
-/// Sets r2 bytes from r0 on to r1. Byte by byte: slower than the chip's.
+/// Sets r2 bytes from r0 on to r1. Byte by byte: slower than the chip's function.
 const MEMSET: [u16; 7] = [
     0x2300, //    movs r3, #0
     0x4293, // 1: cmp  r3, r2
@@ -123,7 +123,7 @@ const MEMSET: [u16; 7] = [
     0x4770, // 2: bx   lr
 ];
 
-/// Copies r2 bytes from r1 on to r0. Byte by byte: slower than the chip's.
+/// Copies r2 bytes from r1 on to r0. Byte by byte: slower than the chip's function.
 const MEMCPY: [u16; 7] = [
     0x2A00, // 1: cmp  r2, #0
     0xD003, //    beq  2f
@@ -164,7 +164,7 @@ const DEAD: [u16; 2] = [
 const MAGIC: [u8; 4] = [b'M', b'u', 1, 3];
 /// Address of the pointers to the two tables and the lookup function (2.8.2).
 const POINTERS: u32 = 0x14;
-/// Start of the code, after the pointers.
+/// Start address of the ROM's code, after the pointers.
 const CODE: u32 = 0x1C;
 /// Copyright text in the data table of this ROM.
 const COPYRIGHT: &[u8] = b"palpate-emulator\0";

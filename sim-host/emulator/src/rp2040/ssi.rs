@@ -55,7 +55,7 @@ const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
 /// SPI_CTRLR0: address and mode bits A0h on four wires without a command, and four wait clocks.
 const EACH_QUAD: u32 = 0xA0 << 24 | 4 << 11 | 8 << 2 | 2;
-/// Fast read on four wires (W25Q16JV datasheet, instructions).
+/// Command of the fast read on four wires (W25Q16JV datasheet, instructions).
 const FAST_READ_QUAD: u32 = 0xEB;
 /// Clocks of the read that makes the flash continuous: the command, address and mode bits, wait, a
 /// word.
@@ -67,7 +67,7 @@ const ROM_DIVIDER: u32 = 6;
 /// `boot2_w25q080.S`).
 const SECOND_STAGE_DIVIDER: u32 = 4;
 
-/// CTRL of chip select in IO_QSPI: function 0 is XIP, 31 is none (2.19.6).
+/// Mask of the function in CTRL of the chip select pin (IO_QSPI): 0 is XIP, 31 is none (2.19.6).
 const FUNCTION: u32 = 0x1F;
 const NO_FUNCTION: u32 = 31;
 const CHIP_SELECT: usize = 1;

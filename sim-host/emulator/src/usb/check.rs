@@ -34,7 +34,7 @@ const ACM: &str = "PSTN 1.2 5.3";
 
 /// Class, subclass and protocol of a device with associations.
 const MULTI_INTERFACE: [u8; 3] = [0xEF, 2, 1];
-/// Functional descriptors (CDC 1.2 table 13, PSTN 1.2 5.3).
+/// Subtypes of functional descriptors (CDC 1.2 table 13, PSTN 1.2 5.3).
 const HEADER: u8 = 0x00;
 const CALL_MANAGEMENT: u8 = 0x01;
 const ABSTRACT_CONTROL: u8 = 0x02;

@@ -15,7 +15,7 @@ const CONNECTS_PS: u64 = 800_000_000;
 /// up to the point EOF2 of USB 2.0 11.2.5).
 const ENDS_FRAME_PS: core::ops::RangeInclusive<u64> = 800_000_000..=998_000_000;
 
-/// MAIN_CTRL.
+/// MAIN_CTRL: the controller is enabled.
 const ENABLED: u32 = 1;
 /// USB_MUXING: TO_PHY; below, SOFTCON, which is set with it.
 const TO_PHY: u32 = 1;
@@ -36,7 +36,7 @@ mod control {
     pub(super) const PER_BUFFER_0: u32 = 1 << 29;
     pub(super) const DOUBLE_0: u32 = 1 << 30;
     pub(super) const ON_STALL_0: u32 = 1 << 31;
-    /// Bits that a device uses.
+    /// Bits of SIE_CTRL that a device uses.
     pub(super) const KNOWN: u32 = PULL_DOWN
         | PULL_UP
         | PULL_UP_STRENGTH

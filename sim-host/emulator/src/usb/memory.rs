@@ -1,6 +1,6 @@
 //! DPSRAM: the memory that processor and USB controller share (RP2040 datasheet 4.1.2.5).
 
-/// Size, bytes.
+/// Size of the shared memory, bytes.
 pub(crate) const SIZE: usize = 4096;
 /// Number of endpoints, each direction counted: IN of endpoint 0, OUT of endpoint 0, IN of endpoint
 /// 1, ...

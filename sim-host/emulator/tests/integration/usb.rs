@@ -15,7 +15,7 @@ use crate::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_train
 use crate::common::usb::{Chance, INTERRUPT, UsbBench, answer, missing, plugged};
 use crate::common::{Crash, time_to_off};
 
-/// Longest delay of an edge while the bus is free.
+/// Longest allowed delay from an edge of INTB to START while the bus is free.
 const LATENCY: Time = Time::from_us(10);
 
 #[test]

@@ -16,8 +16,8 @@ use palpate_sim::random;
 use palpate_wire::code::Stream;
 
 const FULL_SCALE_A: f64 = 10.0;
-/// Limits of the claims: overshoot of a step, bend of a ramp, absolute and repeated error, delay of
-/// an edge.
+/// Limits of the claims: overshoot of a step, bend of a ramp, absolute and repeated error, delay
+/// from an edge of INTB to START.
 const OVERSHOOT: f64 = 0.02;
 const BEND: f64 = 0.005;
 const ABSOLUTE: f64 = 0.02;
@@ -25,7 +25,7 @@ const REPEATED: f64 = 0.002;
 const LATENCY: Time = Time::from_us(10);
 /// Number of measurement chains drawn.
 const CHAINS: u64 = 10;
-/// Duration with samples; the run with raw words is as long.
+/// Duration of the run with samples; the run with raw words is as long.
 const TELEMETRY: Time = Time::from_ms(60_000);
 
 fn conditions(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> PlantConditions {

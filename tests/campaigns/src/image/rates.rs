@@ -14,7 +14,7 @@ use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::Command;
 use palpate_wire::record::Status;
 
-/// Longest delay of an edge while the bus is free.
+/// Longest allowed delay from an edge of INTB to START while the bus is free.
 const LATENCY: Time = Time::from_us(10);
 /// Duration of each case.
 const LENGTH: Time = Time::from_ms(60_000);

@@ -19,7 +19,7 @@ use palpate_emulator::Time;
 use palpate_emulator::usb::check_descriptors;
 use palpate_procedure::Link;
 
-/// Longest delay of an edge while the bus is free.
+/// Longest allowed delay from an edge of INTB to START while the bus is free.
 const LATENCY: Time = Time::from_us(10);
 /// Longest interval between two levels of the coil's PWM: after one and a half periods a level was
 /// late.

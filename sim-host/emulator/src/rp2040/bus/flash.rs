@@ -25,7 +25,7 @@ const STAT: u32 = 0x8;
 const ENABLED: u32 = 0b11;
 /// Value of STAT: a flush is complete, and nothing is streamed.
 const READY: u32 = 0b11;
-/// Scratch register of the watchdog that requests a start at an address from other scratch
+/// Offset of the watchdog's scratch register that requests a start at an address in other scratch
 /// registers; below, its value for that (2.8.1.1).
 const DIRECT_BOOT_SCRATCH: u32 = 0x1C;
 const DIRECT_BOOT: u32 = 0xB007_C0D3;

@@ -11,7 +11,8 @@ const ADDRESS: u8 = 5;
 const WITH_BOS: u16 = 0x0201;
 /// wLength of a string request: the longest descriptor.
 const STRING_LENGTH: u16 = 255;
-/// 115 200 bit/s, one stop bit, no parity, eight bits (PSTN 1.2 table 17).
+/// Line coding that the host sets: 115 200 bit/s, one stop bit, no parity, eight bits (PSTN 1.2
+/// table 17).
 const LINE_CODING: [u8; 7] = [0x00, 0xC2, 0x01, 0x00, 0, 0, 8];
 
 /// Failure of an enumeration: the request and its outcome.
