@@ -309,7 +309,7 @@ mod tests {
         let rest = Command::constant(1.0);
         assert!(path.rests_as(end, &rest) && !path.rests_as(middle, &rest));
         assert!(!path.rests_as(end, &Command::rippling(1.0, 0.1)));
-        // A jump, and an empty path.
+        // A path with a jump, and an empty path.
         let jump = Command::path(vec![(start, 8.0), (start, 2.0)]);
         assert_eq!(jump.at(start), 2.0);
         assert_eq!(Command::default().at(start), 0.0);

@@ -317,7 +317,7 @@ impl GuardSequence {
             }
             8 => {
                 let peak_a = self.number(10.0);
-                // Alternating polarity with decreasing peaks.
+                // Half waves of alternating polarity with decreasing peaks.
                 let half_wave = |of: i32| (peak_a * (-0.8_f32).powi(of), 1e-3);
                 self.loop_
                     .follow_all((0..12).map(half_wave).chain([(0.0, 1e-3)]))
@@ -434,7 +434,7 @@ impl GuardSequence {
                 self.defect(format!("{current_a} A in a sound circuit"));
             }
         }
-        // Within two periods of the first sample above the limit.
+        // The drive is off within two periods of the first sample above the limit.
         let over = measures && begin_a.abs() > 1.04 * f64::from(self.limits.trip_a);
         let drives = matches!(state, DriveState::Driving | DriveState::Testing);
         match (over && drives, self.above) {

@@ -94,7 +94,7 @@ pub(crate) fn run(workspace: &Workspace, plants: u32, seed: u32) -> Result<()> {
 }
 
 impl Changed {
-    /// Name and parameters.
+    /// Title of the design: its name and parameters.
     fn title(&self) -> String {
         let numbers = self.settings.join(", ");
         let with = if numbers.is_empty() { "" } else { ": " };
@@ -118,7 +118,7 @@ struct FrontSearch<'w> {
 }
 
 impl FrontSearch<'_> {
-    /// Output of the tool.
+    /// Runs the tool and returns its output.
     fn output(&self, arguments: &[&str]) -> Result<String> {
         let invocation = Invocation::new(&self.tool, arguments);
         println!("    $ palpate {}", arguments.join(" "));
@@ -159,7 +159,7 @@ impl FrontSearch<'_> {
         Ok(lines.map(|line| format!("{line}\n")).collect())
     }
 
-    /// A row for each load.
+    /// Presses the design; returns a table row for each load.
     fn presses(&self, design: &Changed) -> Result<String> {
         let file = format!("{FOLDER}/{}.toml", design.name.replace(' ', "-"));
         let mut stack = vec!["field", "stack"];
@@ -192,7 +192,7 @@ impl FrontSearch<'_> {
     }
 }
 
-/// A share in per cent; empty if there is none.
+/// A share in per cent; empty without a value.
 fn percent(bin: &Value, key: &str) -> String {
     let share = bin[key].as_f64();
     share.map_or(String::new(), |share| format!("{:.2} %", 100.0 * share))

@@ -24,7 +24,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let tool = text(&build_tool(workspace)?)?;
     let image = text(&firmware::build(workspace)?)?;
     let python = install(workspace)?;
-    // Nothing is written beside the tests: no bytecode, no cache.
+    // Python writes nothing beside the tests: no bytecode, no cache.
     let tests = Invocation::new(
         &python,
         &["-B", "-m", "pytest", "-p", "no:cacheprovider", TESTS],

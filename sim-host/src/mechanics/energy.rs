@@ -100,7 +100,7 @@ impl Energy {
     }
 }
 
-/// Work of changing a loaded spring, ½ e₀ e₁ Δc, from (force, spring) to (force, spring), J.
+/// Work of changing a loaded spring, ½ e₀ e₁ Δc, J. Each pair is a force and a spring.
 fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, f64)) -> f64 {
     0.5 * (force_0 / spring_0) * (force_1 / spring_1) * (spring_1 - spring_0)
 }

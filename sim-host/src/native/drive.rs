@@ -100,7 +100,7 @@ impl CoilDrive {
     pub(super) fn run(&mut self, on: bool, now: Time) {
         self.advance_to(now);
         if on && !self.runs {
-            // The PWM has run since the start.
+            // The PWM has run since the time zero of the world.
             let periods = now.as_ps() / PERIOD.as_ps();
             self.ended = PERIOD.times(periods);
             self.reported = self.control.circuit.totals();

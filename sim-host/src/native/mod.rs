@@ -103,7 +103,7 @@ pub struct NativeBoard<'a> {
     hardware: NativeHardware<'a>,
     instrument: Instrument,
     tasks: [Task<'a>; CONVERTERS],
-    /// Latest start time of the instrument; `None` once it has started.
+    /// Latest start time of the instrument; `None` once the instrument has started.
     begins: Option<Time>,
     next_poll: Time,
     commands_sent: u32,
@@ -122,7 +122,7 @@ struct NativeHardware<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,
     coil: CoilManager<NativeCoil<'a>>,
-    /// Number of this run; it rises by one with each restart.
+    /// Number of this run; each restart raises it by one.
     boot_id: u32,
     /// Sequence numbers of `frames`.
     sequencer: Sequencer,

@@ -41,7 +41,7 @@ pub(super) struct Run {
     /// Time from the middle of a scan's first conversion to the end of that conversion, which
     /// precedes any step with the scan.
     before_edge: Duration,
-    /// Converter and channel of those with a deformation curve.
+    /// Converter and channel of each deformation curve.
     curves: Vec<(u8, u8)>,
     /// Computed records that have not been compared yet.
     made: Vec<Record>,
@@ -265,7 +265,7 @@ fn arming(change: &StateChange) -> Command {
     }
 }
 
-/// Board data for the procedure: those of a start without any fault.
+/// Data of the board for the procedure, as after a start without any fault.
 fn board(boot_id: u32, hello: &Hello) -> BoardInfo {
     let channels = |chip: Chip| if chip == Chip::Ldc161x { CHANNELS } else { 0 };
     BoardInfo {

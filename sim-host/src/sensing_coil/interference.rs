@@ -72,7 +72,7 @@ pub struct Interferer {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Oscillation {
     at_s: f64,
-    /// Fraction of a cycle.
+    /// Phase, as a fraction of a cycle.
     phase: f64,
 }
 
@@ -123,7 +123,7 @@ impl Interferer {
             length_s
         };
         let half = 0.5 * rate * left_s;
-        // cos or cosh, and their integrals over half the rate.
+        // cos or cosh, and sin or sinh over half the rate.
         let (even, odd) = if half < 1e-9 {
             (1.0, left_s)
         } else if beats {

@@ -232,7 +232,7 @@ fn section<'t, T>(
     read(&mut parent.section(name, keys)?)
 }
 
-/// The only quantity of a section.
+/// Reads the only quantity of a section.
 fn alone(
     parent: &mut TableSection<'_>,
     name: &str,

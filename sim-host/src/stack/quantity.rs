@@ -11,9 +11,9 @@ pub enum Quantity {
     Fixed(f64),
     /// Uniform in nominal · (1 ± spread): `x = { nominal, spread }`.
     Spread {
-        /// The centre.
+        /// Centre of the range.
         nominal: f64,
-        /// Half the width, relative to the centre, 0 to below 1.
+        /// Half the width of the range, relative to its centre, 0 to below 1.
         spread: f64,
     },
     /// Uniform: `x = { min, max }`.

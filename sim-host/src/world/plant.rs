@@ -295,7 +295,7 @@ struct Slopes {
     /// Whether load and sensor touch: a step that starts where contact is made or lost takes the
     /// contact state of its end.
     in_contact: bool,
-    /// Whether the friction's slider rests in the step.
+    /// Whether the friction's slider sticks in the step.
     sticks: bool,
 }
 

@@ -283,7 +283,7 @@ fn two_uses_weeks_apart_give_the_same_current() {
             let mut train = Vec::new();
             let ramp = [(10.0, 2e-3), (10.0, 2e-3), (2.0, 16e-3)];
             loop_.follow_all(ramp.repeat(3)).unwrap();
-            // Conversions of 1 ms.
+            // Each window is a conversion of 1 ms.
             for _ in 0..60 {
                 train.push(window(loop_, 62)[1]);
             }

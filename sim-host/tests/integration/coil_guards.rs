@@ -662,7 +662,7 @@ fn a_line_that_is_too_hot_is_refused_with_a_waiting_time() {
         to_a: current_a,
         over_s: for_s,
     };
-    // 12 A for 1 s: 144 * 0.48 = 69 J.
+    // 12 A through 0.48 ohm for 1 s: 144 * 0.48 = 69 J.
     let hot = stay(&loop_, 12.0, 1.0);
     let Err(Refusal::Energy(energy_j)) = loop_.follow(&hot) else {
         panic!("it was begun")
@@ -710,7 +710,7 @@ fn the_self_test_tells_what_is_wrong() {
         }),
         Some(Fault::Short)
     );
-    // Shorted turns.
+    // A coil with shorted turns fails.
     assert_eq!(
         fails(|of| of.circuit.parameters.inductance_h = 6e-6),
         Some(Fault::Short)
@@ -735,7 +735,7 @@ fn the_self_test_tells_what_is_wrong() {
         fails(|of| of.circuit.parameters.limit_a = f64::INFINITY),
         Some(Fault::NoHardwareLimit)
     );
-    // Within tolerance.
+    // An offset within the tolerance passes.
     assert_eq!(fails(|of| of.slow.offset_a = 0.35), None);
     assert_eq!(fails(|of| of.slow.offset_a = -0.35), None);
 }

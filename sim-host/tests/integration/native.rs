@@ -418,7 +418,7 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
     for [at_s, current_a] in currents {
         let straight_a = a0 + (a1 - a0) * (at_s - t0) / (t1 - t0);
         let off_a = current_a - straight_a;
-        // A tenth of the non-linearity; the control law itself contributes 3 mA.
+        // The limit is a tenth of the non-linearity; the control law itself contributes 3 mA.
         assert!(off_a.abs() < 5e-3, "{current_a} A: {off_a}");
     }
 }

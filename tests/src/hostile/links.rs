@@ -154,7 +154,7 @@ fn answers_to(command: &Command) -> Vec<u8> {
         Command::Identify => named(&["hello", "status"]),
         Command::GetSettings => named(&["settings"]),
         Command::GetStorage => named(&["storage"]),
-        // Any of its parts.
+        // Any part of the calibration.
         Command::GetCalibration(_) => (0x11..=0x1C).collect(),
         _ => Vec::new(),
     }

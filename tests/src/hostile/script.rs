@@ -13,7 +13,7 @@ use super::frame::Damage;
 pub enum Move {
     /// Raw bytes arrive.
     Raw(Link, Vec<u8>),
-    /// A command arrives; it is valid if its payload is.
+    /// A command arrives; it is valid if its payload is valid.
     Command(Link, Addressee, u8, Vec<u8>),
     /// A command arrives, damaged in transmission.
     Damaged(Link, Addressee, u8, Vec<u8>, Damage),

@@ -31,7 +31,7 @@ enum Mesher {
 
 const MESHERS: [Mesher; 2] = [Mesher::Delaunay, Mesher::AdvancingFront];
 
-/// One case.
+/// A case, as a row of the table.
 struct Row {
     case: Case,
     ours: Median,
@@ -126,7 +126,7 @@ fn choose(bench: &PeerBench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Res
     tried.retain(good);
     tried.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
     tried.truncate(SHORTLIST);
-    // Each repeated several times, on one core and on two.
+    // Each setting is repeated several times, on one core and on two.
     let again: Vec<Value> = tried
         .iter()
         .flat_map(|tried| [1, 2].map(|threads| with(&tried.setting, "threads", threads)))

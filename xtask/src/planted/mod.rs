@@ -36,7 +36,7 @@ pub(crate) struct Patch {
     test: Vec<String>,
 }
 
-/// A list, as in its file.
+/// A list of defects, as in its file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct List {

@@ -28,7 +28,7 @@ pub(super) fn write_for_files(folder: &Path, files: &[&Path]) -> Result<()> {
         let name = file
             .strip_prefix(folder)
             .context("a file lies in its folder")?;
-        // With slashes on every system, so that the archive is the same.
+        // The names have slashes on every system, so that the archive is the same.
         let name = name.to_string_lossy().replace('\\', "/");
         writeln!(lines, "{}  {name}", checksum(&contents))?;
     }

@@ -246,7 +246,8 @@ impl EmulatedCoil {
                 .thermistor_v
                 .unwrap_or_else(|| thermistor_v(self.conditions.coil_c)),
             2 => self.supply.value / SUPPLY_RATIO,
-            // The processor's own temperature, 27 degrees Celsius (RP2040 datasheet 4.9.5).
+            // Voltage of the processor's own temperature sensor at 27 degrees Celsius (RP2040
+            // datasheet 4.9.5).
             4 => 0.706,
             _ => return None,
         };

@@ -15,7 +15,7 @@ const RETURN: u32 = 0x2000_0000;
 const DATA: u32 = 0x2000_1000;
 /// The instruction `b .`, an endless loop, twice.
 const LOOP: u32 = 0xE7FE_E7FE;
-/// Byte that fills the flash after the image's code; an erased byte differs from it.
+/// Byte that fills the flash after the image's code, unlike an erased byte.
 const FILL: u8 = 0x5A;
 const CYCLES_6_5_MHZ: f64 = 6.5e6;
 
@@ -235,7 +235,7 @@ fn the_functions_take_the_time_of_flash_and_bits() {
         assert!((2 * sector.as_ps()..2 * sector.as_ps() + 300_000_000).contains(&erased.as_ps()));
         let begun = board.now();
         call(&mut board, b"RP", [0x1000, DATA, 256, 0]).unwrap();
-        // 2088 bits at a sixth of 6.5 MHz.
+        // 2088 bits, of two commands and the page, at a sixth of 6.5 MHz.
         let bits_ps = (2088.0 * 6.0 / CYCLES_6_5_MHZ * 1e12) as u64;
         let least = page.as_ps() + bits_ps;
         let passed = (board.now() - begun).as_ps();
@@ -299,7 +299,7 @@ fn flash_that_cannot_be_read_ends_the_run_with_the_reason() {
     assert_eq!(reason(&mut board), "");
     call(&mut board, b"EX", [0; 4]).unwrap();
     assert!(reason(&mut board).contains("not in XIP mode"));
-    // Each of the flash windows, and neither ROM nor RAM.
+    // A read stops the run in each of the flash windows, but neither in ROM nor in RAM.
     for window in [
         0x1000_0000,
         0x1100_0000,

@@ -71,7 +71,7 @@ pub(crate) struct Wire<P> {
     /// Number of bits since the last START.
     bits: u32,
     last_edge_ps: Option<u64>,
-    /// Levels while the pins are plain outputs.
+    /// Levels of SCL and SDA while they are plain outputs; `None` otherwise.
     plain: Option<(bool, bool)>,
     /// Changes of the wires, if traced.
     pub(crate) changes: Option<Vec<Change>>,

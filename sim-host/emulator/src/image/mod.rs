@@ -37,7 +37,7 @@ pub struct Image {
 pub enum ImageError {
     /// The file cannot be read.
     File(std::io::Error),
-    /// It is not a valid ELF file.
+    /// The file is not a valid ELF file.
     Format(object::Error),
     /// A segment is outside of the flash.
     Misplaced {

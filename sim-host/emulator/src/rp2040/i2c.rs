@@ -23,7 +23,7 @@ const READ: u32 = 1 << 8;
 const STOP: u32 = 1 << 9;
 const RESTART: u32 = 1 << 10;
 
-/// Interrupts.
+/// Interrupts, by bit.
 mod raised {
     pub(super) const RX_UNDER: u32 = 1 << 0;
     pub(super) const RX_OVER: u32 = 1 << 1;
@@ -36,7 +36,7 @@ mod raised {
     pub(super) const START_DET: u32 = 1 << 10;
 }
 
-/// Causes of an abort.
+/// Causes of an abort, by bit.
 mod cause {
     pub(super) const ADDRESS: u32 = 1 << 0;
     pub(super) const DATA: u32 = 1 << 3;
@@ -573,7 +573,7 @@ impl I2c {
     }
 
     fn command<P: Plant>(&mut self, value: u32, now_ps: u64, wire: &mut Wire<P>) {
-        // Flushed until the abort is cleared; a disabled block accepts nothing.
+        // The FIFO is flushed until the abort is cleared; a disabled block accepts nothing.
         if !self.enabled || self.sticky & raised::TX_ABRT != 0 {
             return;
         }

@@ -100,7 +100,7 @@ impl Power {
 
     /// Least output of the regulator at a setting, V.
     fn least_v(code: u32) -> f64 {
-        // 0 to 5 are all 0.80 V.
+        // Codes 0 to 5 all give 0.80 V.
         (LOWEST_V + STEP_V * f64::from(code.max(5))) * (1.0 - REGULATOR_ERROR)
     }
 

@@ -65,7 +65,7 @@ impl Private {
                 self.ppb.shpr[10] = (value >> 16) as u8 & 0xC0;
                 self.ppb.shpr[11] = (value >> 24) as u8 & 0xC0;
             }
-            // SLEEPONEXIT, SLEEPDEEP and SEVONPEND stay off.
+            // SLEEPONEXIT, SLEEPDEEP and SEVONPEND must stay off.
             0xED10 if value == 0 => {}
             _ => self.interrupts.write(offset.checked_sub(0xE000)?, value)?,
         }

@@ -126,7 +126,7 @@ impl Slice {
     fn count_at(&self, now_ps: u64, sys_hz: f64) -> u32 {
         let position = self.position_at(now_ps, sys_hz);
         let up = u64::from(self.top) + 1;
-        // Within 16 bits in both cases.
+        // The counter fits in 16 bits in both cases.
         (if self.runs() && position >= up {
             2 * up - 1 - position
         } else {
@@ -577,7 +577,7 @@ mod tests {
         let times = pwm.take_level_times();
         assert_eq!((times.written, times.late), (3, 1));
         assert_eq!(times.longest_gap, Time::from_us(3));
-        // Whole steps of the counter.
+        // The time left is a whole number of counter steps.
         let left = times.least_left;
         assert!(
             left >= Time::from_us(1) && left < Time::from_ns(1_010),

@@ -6,7 +6,7 @@ pub(crate) struct Timer {
     /// Time at which the count was `base_us`.
     base_ps: u64,
     base_us: u64,
-    /// Length of a tick; 0 without ticks.
+    /// Length of a tick, ps; 0 without ticks.
     tick_ps: f64,
     latched_high: u32,
     alarms: [u32; 4],

@@ -25,7 +25,7 @@ const VBUS_OVERRIDE: u32 = 0b1100;
 const PHY_TRIM: u32 = 0x1F1F;
 const NAK_POLL: u32 = 0x0010_0010;
 
-/// SIE_CTRL.
+/// Bits of SIE_CTRL.
 mod control {
     pub(super) const RESUME: u32 = 1 << 12;
     const PULL_DOWN: u32 = 1 << 15;
@@ -47,7 +47,7 @@ mod control {
         | ON_STALL_0;
 }
 
-/// SIE_STATUS.
+/// Bits of SIE_STATUS.
 mod status {
     pub(super) const VBUS: u32 = 1 << 0;
     pub(super) const LINE_SHIFT: u32 = 2;
@@ -61,7 +61,7 @@ mod status {
     pub(super) const SEQUENCE: u32 = 1 << 31;
 }
 
-/// Interrupts.
+/// Interrupts, by bit.
 mod raised {
     pub(super) const COMPLETE: u32 = 1 << 3;
     pub(super) const BUFFERS: u32 = 1 << 4;
@@ -695,7 +695,7 @@ impl UsbController {
             0x84 => self.trim = value,
             0x90 => self.enabled = value & raised::ALL,
             0x94 => self.forced = value & raised::ALL,
-            // Read-only.
+            // These registers are read-only.
             0x48 | 0x5C | 0x8C | 0x98 => {}
             _ if is_unused(offset) && value == 0 => {}
             _ => return None,

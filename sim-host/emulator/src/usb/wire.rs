@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn a_refused_in_takes_five_and_a_half_microseconds() {
         let refused_ps = token_ps() + transaction(TransactionKind::In).time_ps(&Reply::Nak);
-        // 35 + 2 + 6.5 + 19 bits.
+        // A refused transaction takes 35 + 2 + 6.5 + 19 bits.
         assert_eq!(refused_ps / 1000, 5_208);
     }
 

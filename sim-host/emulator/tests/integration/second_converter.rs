@@ -202,7 +202,7 @@ fn a_disturbance_of_intb_is_no_sample() {
         bench.run(Time::from_ms(100));
         bench.frames.clear();
         for step in 0..200 {
-            // At all times within a period of 1 ms.
+            // The disturbances come at all times within a period of 1 ms.
             let at = bench.board.now() + Time::from_us(1_000 + 5 * (step % 40));
             let fault = ChipFault::IntbStuck { low };
             let event = FaultEvent::at(at, fault, Time::from_ns(lasting_ns));

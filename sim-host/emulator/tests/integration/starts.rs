@@ -111,7 +111,7 @@ fn a_change_of_channels_is_no_fault() {
     }
 }
 
-/// Sensors that stop for a while.
+/// Sensors that stop oscillating for a while.
 #[derive(Clone)]
 struct Stopping {
     sensors: Still,

@@ -102,7 +102,8 @@ fn a_flipped_bit_of_what_is_stored_is_corrected_or_found() {
     assert!(found.contains(&BitFlip::Found), "{found:?}");
 }
 
-/// The boot ROM waits for the flash by the ring oscillator, which this reset spares.
+/// The ring oscillator, which this reset spares, determines how long the boot ROM waits for the
+/// flash.
 #[test]
 fn a_watchdog_reset_in_the_longest_erase_ends_in_the_firmware() {
     let mut bench = ThirdSave::prepared(Amount::Usual, FlashTimes::Longest, 1).bench;
@@ -304,7 +305,7 @@ fn a_board_flickers_for_as_long_as_it_is_to_be_found() {
             .all(|it| it >= Time::from_ms(49) && it <= Time::from_ms(52))
     );
     assert!((3..=4).contains(&afterwards.len()), "{afterwards:?}");
-    // Ended early.
+    // This one is ended early.
     bench.accepted(&Command::Locate(Locate { duration_s: 60.0 }));
     assert!(led_changes(&mut bench, Time::from_ms(500)).len() >= 9);
     bench.accepted(&Command::Locate(Locate { duration_s: 0.0 }));

@@ -26,7 +26,7 @@ fn bench(image: &Image) -> RecordedBoard {
         recording(),
     ));
     bench.stream();
-    // The firmware learns the period of the samples.
+    // In this time the firmware learns the period of the samples.
     bench.run(Time::from_ms(100));
     bench
 }

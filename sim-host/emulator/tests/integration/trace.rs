@@ -155,7 +155,7 @@ fn the_lines_say_what_the_chip_reported() {
         fetched[begin..begin + words.len().min(fetched.len() - begin)],
         words
     );
-    // The traced bytes are those of the lines; equal consecutive ones are one.
+    // The traced bytes are those on the lines; equal consecutive bytes count once.
     let mut named: Vec<u8> = signals["board.i2c_byte"]
         .iter()
         .filter_map(|(_, byte)| byte.map(|byte| byte as u8))

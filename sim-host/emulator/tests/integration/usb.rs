@@ -306,7 +306,7 @@ fn a_port_that_was_closed_within_a_frame_begins_with_its_end() {
     let mut bench = plugged();
     bench.probe.board.usb_mut().set_reading(false);
     bench.run(Time::from_ms(200));
-    // A few packets of many.
+    // The PC reads a few packets of many.
     bench.probe.board.usb_mut().set_reading(true);
     bench.run(Time::from_us(600));
     bench.probe.board.usb_mut().set_reading(false);

@@ -94,7 +94,7 @@ impl UsbBus for Registers {
             bench.write(0x00, 0);
             for (index, endpoint) in (0..).zip(inner.endpoints) {
                 let Some(endpoint) = endpoint else { continue };
-                // The next packet is DATA0.
+                // DATA1 stands for the last packet: the next one is DATA0.
                 bench.set_word(0x80 + 4 * index, u32::from(buffer::DATA1));
                 if index >= 2 {
                     let kind = if endpoint.kind == EndpointType::Bulk {
