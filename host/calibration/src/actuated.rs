@@ -20,30 +20,31 @@ use super::samples::{Fallen, SampleRun};
 use super::session::Pressed;
 use super::{Known, Signal, Unusable};
 
-/// Degree of h in the current: high enough for the deviations from a quadratic law that memory and
-/// lag cause.
+/// Degree of the polynomial h(I): high enough for the deviations from a quadratic law that memory
+/// and lag of the elastomer cause.
 const DEGREE: usize = 8;
 
-/// The solution, with the trains that it is fitted to.
+/// The fitted layer, with the trains that it was fitted to.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub(crate) actuated: Actuated,
     pub(crate) problem: Problem,
-    /// Growth of the cross-talk in addition to the one used to prepare the samples, 1/m.
+    /// Fitted growth of the cross-talk with the deformation, in addition to the growth already
+    /// removed from the samples, 1/m.
     growth_per_m: f64,
 }
 
-/// The prepared trains.
+/// The bench's trains, prepared for the fit.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
     pub(crate) trains: Vec<Train>,
     pub(crate) sensing_n_per_m: f64,
     pub(crate) start_ratio: f64,
     pub(crate) peak_a: f64,
-    /// Mean deformation, m.
+    /// Mean deformation of all trains, m.
     pub(crate) depth_m: f64,
-    /// Cross-talk without contact, m/A^2; `Some` where the trains give its growth, `None` where the
-    /// load cell does.
+    /// Cross-talk without contact, m/A^2; `Some` where this fit determines the growth of the
+    /// cross-talk with the press, `None` where the load cell determines it.
     pub(crate) growing_m_per_a2: Option<f64>,
 }
 
@@ -57,12 +58,12 @@ pub(crate) struct Train {
     pub(crate) samples: Vec<FallSample>,
 }
 
-/// Indices of the unknowns.
+/// Indices of the unknowns that follow h's coefficients; each train's own ones start at `SHARED`.
 const ATTRACTION: usize = DEGREE;
 const RATIO: usize = DEGREE + 1;
 const SHARED: usize = DEGREE + 2;
 
-/// Fits the trains, with the cross-talk from the load cell.
+/// Fits the trains, with the cross-talk determined by the load cell.
 pub(crate) fn fit(
     runs: &[SampleRun],
     force: &PressCurve,
@@ -74,8 +75,8 @@ pub(crate) fn fit(
     problem.fit()
 }
 
-/// Fits the trains and the growth of the cross-talk with the press as one more unknown: X I^2
-/// lowers 1/x in proportion to W_j, while h is common to all trains.
+/// Fits the trains, with the growth of the cross-talk with the press as one more unknown. It can be
+/// told from h: X I^2 lowers 1/x in proportion to W_j, while h is common to all trains.
 pub(crate) fn fit_with_growth(
     runs: &[SampleRun],
     force: &PressCurve,
@@ -90,7 +91,7 @@ pub(crate) fn fit_with_growth(
         })
     };
     crosstalk.growth_per_m += problem(crosstalk)?.fit()?.growth_per_m;
-    // Second fit, with the growth removed from the samples.
+    // Fits again, with the growth found by the first fit removed from the samples.
     Ok((problem(crosstalk)?.fit()?, crosstalk))
 }
 
@@ -152,15 +153,15 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Smallest deformation in all trains, m, reached at the end of a fall. Shallower presses are
-    /// not calibrated.
+    /// Smallest deformation in all trains, m; a train has its smallest at the end of a fall. The
+    /// calibration does not cover shallower presses.
     pub(crate) fn shallowest_m(&self) -> f64 {
         let samples = self.trains.iter().flat_map(|train| &train.samples);
         let deformations = samples.map(|sample| sample.deformation_m);
         deformations.fold(f64::INFINITY, f64::min)
     }
 
-    /// Solves with the springs' nominal stiffness.
+    /// Solves for the layer, with the nominal stiffness of the springs.
     pub(crate) fn fit(&self) -> Result<Fit, Unusable> {
         let mut unknowns = self.start()?;
         let mut settled = false;
@@ -185,7 +186,8 @@ impl Problem {
         })
     }
 
-    /// Solution of the linear equation, the starting point of the iteration.
+    /// Solution of the equation multiplied by 1/x, which is linear: the starting point of the
+    /// iteration.
     fn start(&self) -> Result<Vec<f64>, Unusable> {
         let mut system = System::new(self.unknowns());
         for (place, train) in self.placed() {
@@ -204,7 +206,7 @@ impl Problem {
         Ok(system.solve(LAYER)?.unknowns)
     }
 
-    /// The trains with their kappa and the index of their own unknowns.
+    /// Each train with its kappa and the index of its own unknowns.
     fn placed(&self) -> impl Iterator<Item = (Place, &Train)> {
         self.trains.iter().enumerate().map(|(index, train)| {
             let place = Place {
@@ -227,7 +229,7 @@ impl Problem {
         }
     }
 
-    /// Why the fit failed, or gave only this c_S/c_D0.
+    /// Reason for a failed fit, or for a fit whose c_S/c_D0, `ratio`, is implausible.
     fn cause(&self, ratio: f64) -> Unusable {
         match self.signal() {
             Ok(signal) if signal.is_clear() => Unusable::Contradiction { signal, ratio },
@@ -270,10 +272,10 @@ impl Problem {
         self.growth() + usize::from(self.growing_m_per_a2.is_some())
     }
 
-    /// Linearised system: derivatives of the deformations and their residuals.
+    /// System linearised about `unknowns`: derivatives and residuals of the deformations.
     fn linearised(&self, unknowns: &[f64]) -> System {
         let actuated = self.actuated(unknowns);
-        // The samples already contain the prepared growth; this is the additional one.
+        // The samples are already corrected for the prepared growth; this growth is additional.
         let growth_per_m = unknowns.get(self.growth()).copied().unwrap_or(0.0);
         let mut system = System::new(self.unknowns());
         for (place, train) in self.placed() {
@@ -339,7 +341,7 @@ impl Problem {
         row
     }
 
-    /// Cross-talk without contact, m; zero unless its growth is an unknown.
+    /// Cross-talk at the sample's current without contact, m; zero unless its growth is an unknown.
     fn untouched_m(&self, sample: &FallSample) -> f64 {
         self.growing_m_per_a2
             .map_or(0.0, |of| of * sample.current_a * sample.current_a)
@@ -363,7 +365,7 @@ struct State {
     ratio: f64,
 }
 
-/// Name of the layer's unknowns in errors.
+/// Name of this fit's unknowns in error messages.
 const LAYER: &str = "the actuated layer";
 
 /// A train's kappa and the index of its own unknowns.

@@ -28,21 +28,23 @@ use super::line::{Bend, FallSample};
 /// Number of adjusted quantities.
 pub(crate) const QUANTITIES: usize = 5;
 
-/// Changes of the quantities: c_S/c_D0 and h relative; attraction and cross-talk by their effect at
-/// the peak current on the mean deformation, relative to it; the growth by its relative addition to
-/// a deformation there.
+/// Changes of the five quantities: c_S/c_D0 and h relative to their values; attraction and
+/// cross-talk as their effect on the mean deformation at the peak current, relative to that
+/// deformation; the growth as its relative addition to a deformation at the peak current.
 pub(crate) type Changes = [f64; QUANTITIES];
 
 /// Step of each quantity for numerical derivatives: a thousandth of typical changes.
 const STEPS: Changes = [1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
-/// Rounds of the iteration between the trains' scatter and the quantities. The third changes
-/// nothing by more than a thousandth of the uncertainty.
+/// Rounds of the iteration that alternates between the trains' scatter and the quantities. The
+/// third changes no quantity by more than a thousandth of its uncertainty.
 const ROUNDS: usize = 4;
-/// Minimum standard deviation of a train's kappa about the adjusted line, beside its own error, as
-/// a part of W. On 54 simulated sensors of the design `ultrasoft` (seeds 900001 to 900060) it is
-/// the value of the quietest ten; on half of all, the trains' own errors explain the whole scatter.
+/// Lower limit of the scatter: standard deviation of the trains' kappa about the adjusted layer, in
+/// addition to each train's own error, relative to W. On 54 simulated sensors of the design
+/// `ultrasoft` (seeds 900001 to 900060) it is the scatter of the quietest ten; on half of all, the
+/// trains' own errors explain the whole scatter.
 pub(crate) const LEAST_SCATTER: f64 = 0.0008;
-/// Maximum scatter of a train, as a part of W; beyond it trains carry no information.
+/// Upper limit of the trains' scatter, relative to W; with more scatter the trains carry no
+/// information.
 const MOST_SCATTER: f64 = 1.0;
 /// Relative tolerance of the search for the scatter.
 const SCATTER_SETTLED: f64 = 1e-3;
@@ -50,27 +52,29 @@ const SCATTER_SETTLED: f64 = 1e-3;
 /// results. It keeps the values of the fit of all samples where a bench with a single depth cannot
 /// separate them.
 const BEFOREHAND: f64 = 1.0;
-/// Prior standard deviations of the cross-talk and its growth, as parts of the cross-talk: the
-/// train without contact determines one, the load cell the other. On 60 simulated sensors of the
-/// design `ultrasoft` the changes are at most a tenth and three tenths. Without these priors, where
-/// the cross-talk is small compared with what keeps trains from their lines, as on the design
-/// `closed`, loads and depths would give three times the cross-talk of the untouched sensor.
+/// Prior standard deviations of the changes of the cross-talk and of its growth, relative to the
+/// cross-talk: the train without contact determines the cross-talk, the load cell its growth. On 60
+/// simulated sensors of the design `ultrasoft` the changes are at most a tenth and three tenths.
+/// Without these priors, where the cross-talk is small compared with what keeps trains from their
+/// lines, as on the design `closed`, loads and depths would give three times the cross-talk of the
+/// untouched sensor.
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
-/// Cross-talk at the peak current, as a part of the mean deformation, below which its growth is not
-/// adjusted: the protocol limits a growth to 1e5/m.
+/// Cross-talk at the peak current, relative to the mean deformation, below which its growth is not
+/// adjusted: the growth of so small a cross-talk could exceed the protocol's limit of 1e5/m.
 const CARRIES_GROWTH: f64 = 1e-4;
 
 /// The adjusted layer with its covariance.
 #[derive(Clone, Debug)]
 pub(crate) struct Adjusted {
     pub(crate) layer: Layer,
-    /// Scatter of a train's kappa about the adjusted layer, as a part of W.
+    /// Scatter of the trains' kappa about the adjusted layer, relative to W.
     pub(crate) scatter: f64,
     /// Covariance of the quantities.
     pub(crate) covariance: [Changes; QUANTITIES],
     /// Covariance of the quantities if the springs were exact.
     pub(crate) covariance_of_exact_springs: [Changes; QUANTITIES],
-    /// Nominal kappa of every train, and the deviation of its own line.
+    /// Nominal kappa of every train, and the deviation from it of the kappa that the train's own
+    /// line gives.
     pub(crate) misses: Vec<(f64, f64)>,
     /// Bend of each train's own line.
     pub(crate) bends: Vec<Bend>,
@@ -120,7 +124,7 @@ impl Layer {
         }
     }
 
-    /// Cross-talk at the peak current, as a part of the mean deformation.
+    /// Cross-talk at the peak current, relative to the mean deformation.
     fn crosstalk_at_peak(&self) -> f64 {
         let square_a2 = self.actuated.peak_a * self.actuated.peak_a;
         self.crosstalk.untouched_m_per_a2.abs() * square_a2 / self.depth_m
@@ -130,7 +134,8 @@ impl Layer {
         self.crosstalk_at_peak() > CARRIES_GROWTH
     }
 
-    /// Samples of a train prepared with the cross-talk `prepared`, converted to this layer's.
+    /// Samples of a train, prepared with the cross-talk `prepared`, corrected for the cross-talk of
+    /// this layer instead.
     fn samples(&self, train: &Train, prepared: &Crosstalk) -> Vec<FallSample> {
         let samples = train.samples.iter().map(|sample| {
             let read_m = prepared.with(sample.deformation_m, sample.current_a);
@@ -151,12 +156,12 @@ impl Layer {
         Ok(line.kappa)
     }
 
-    /// Ratio of a relative error of the stiffening to one of the signal, at the mean depth.
+    /// Relative error of the signal per relative error of the stiffening, at the mean depth.
     pub(crate) fn stiffening_of_signal(&self) -> f64 {
         /// Number of currents at which the fall is evaluated.
         const CURRENTS: u8 = 32;
-        /// Limit; beyond it the attraction leaves less than a hundredth of the signal, and no
-        /// measurement is possible.
+        /// Upper limit of the result: beyond it the attraction leaves a signal of less than a
+        /// hundredth of the stiffening, and no measurement is possible.
         const MOST: f64 = 100.0;
         let actuated = &self.actuated;
         let at = |index: u8| {
@@ -184,16 +189,16 @@ impl Layer {
         let true_m = (depth_m * whole - pulled_m) / (1.0 + kappa + ratio);
         let read_m = sensor.crosstalk.with(true_m, peak_a);
         let found_m = self.crosstalk.without(read_m, peak_a);
-        // The same equation solved for W, with the calibrated layer.
+        // The equation of the deformation at the peak, solved for W, with the calibrated layer.
         let (ratio, pulled_m) = at_peak(&self.actuated);
         let h = ratio - self.actuated.ratio + pulled_m / found_m;
         h / (depth_m / found_m - 1.0) - 1.0 - self.actuated.ratio
     }
 }
 
-/// Ratio of a relative error of h to one of the signal, from (h, signal) along a fall; the signal
-/// is h with the attraction. The attraction reduces the signal, so the ratio exceeds one. A train's
-/// line uses the whole fall, so the ratio is the slope of h against the signal.
+/// Relative error of the signal per relative error of h, from pairs of h and signal along a fall;
+/// the signal is h with the attraction. The attraction reduces the signal, so the result exceeds
+/// one. A train's line uses the whole fall, so the result is the slope of h against the signal.
 pub(crate) fn of_signal(fall: impl Iterator<Item = (f64, f64)>) -> f64 {
     let points: Vec<(f64, f64)> = fall.collect();
     let count = points.len() as f64;
@@ -230,7 +235,7 @@ pub(crate) fn adjust(
         for (change, found) in changes.iter_mut().zip(&solution.unknowns) {
             *change = *found;
         }
-        // The other quantities take over a part of h's shape.
+        // With the changed quantities the trains' lines bend; their mean bend moves into h's shape.
         let layer = trains.fitted.changed(&changes);
         let of_signal = Bend::mean(&trains.bends(&layer)?);
         trains.fitted.actuated.bend += of_signal / layer.stiffening_of_signal();
@@ -250,12 +255,13 @@ pub(crate) fn adjust(
     })
 }
 
-/// Name of the unknowns in errors.
+/// Name of the adjustment's unknowns in error messages.
 const QUANTITIES_BY_LOADS: &str = "the actuated layer by the loads";
-/// Tolerance of practically exact springs.
+/// Relative tolerance of springs that count as exact; not zero, since its inverse is a weight.
 const EXACT: f64 = 1e-6;
 
-/// Covariance of the quantities for known weights.
+/// Covariance of the quantities for weights that are one over the standard deviations themselves,
+/// not only proportional to them.
 fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
     let variance = solution.sigma * solution.sigma;
     std::array::from_fn(|row| {
@@ -266,7 +272,8 @@ fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
 /// The trains, each as one measurement of its load.
 struct Trains<'f> {
     trains: &'f [Train],
-    /// The layer that the samples are prepared with, except for the bend.
+    /// The layer of the fit, with whose cross-talk the samples are prepared; the iteration changes
+    /// only its bend.
     fitted: Layer,
     /// Standard error of each train's kappa.
     errors: Vec<f64>,

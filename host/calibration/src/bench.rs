@@ -153,18 +153,20 @@ const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
 const BASELINE: Duration = Duration::from_millis(800);
 /// Longest wait for the end of a train, including the coil's test before it.
 const TRAIN: Duration = Duration::from_millis(60_000);
-/// Time after the train.
+/// Time that is still recorded after the end of a train.
 const AFTERWARDS: Duration = Duration::from_millis(50);
 
-/// Factor of the first press without a train over the greatest force of all runs: creep releases a
-/// few per cent of the force between a press and a train.
+/// Factor of the first press without a train over the greatest force of all runs: between a press
+/// and a train creep releases a few per cent of the force.
 const BEYOND_TRAINS: f64 = 1.08;
-/// Factor of each further attempt, until the press exceeds the trains' readings: on a soft load the
-/// sensing layer creeps at constant force, by a tenth and more.
+/// Factor of each further press without a train over the one before, until it exceeds the trains'
+/// readings: on a soft load the sensing layer creeps at constant force, by a tenth and more.
 const FURTHER: f64 = 1.05;
-/// Number of attempts: nothing that creeps takes 1.6 times the deformation.
+/// Greatest number of further presses: the last is 1.6 times as deep as the first, more than any
+/// creep needs.
 const ATTEMPTS: u32 = 10;
-/// End of a press, in which a conversion averages over the stop, s.
+/// Time before the end of a press that is not evaluated, s: there a conversion averages over the
+/// stop of the stage.
 const STOP_S: f64 = 5e-3;
 
 /// Carries out a calibration. Calls `progress` before each run with its specimen and depth, m.
@@ -222,8 +224,9 @@ pub fn hold<E: From<BrokenOff>>(
     }
 }
 
-/// Greatest force of all runs over the greatest at rest before a train on the block. Without a load
-/// cell it uses the change of inductance, which rises more steeply.
+/// Ratio of the greatest force in all runs to the greatest force at rest, before a train on the
+/// block. Without a load cell it is the ratio of the changes of inductance, which rise more steeply
+/// than the force.
 fn growth(runs: &[Run]) -> f64 {
     let by_force = growth_of(runs, |_, line| line.force_n);
     let softer = |rest_hz: f64, line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
@@ -231,8 +234,8 @@ fn growth(runs: &[Run]) -> f64 {
     by_force.or_else(by_inductance).unwrap_or(1.0)
 }
 
-/// Computes [`growth`] for a quantity of a sample and the frequency at rest, Hz. Returns `None` if
-/// the quantity is never positive.
+/// Computes [`growth`] for the quantity `of`, from the frequency at rest, Hz, and a sample. Returns
+/// `None` if the quantity is never positive.
 fn growth_of(runs: &[Run], of: impl Fn(Option<f64>, &BenchSample) -> Option<f64>) -> Option<f64> {
     let greatest_of = |run: &Run, until_s: f64| {
         let rest_hz = run.rest_hz();

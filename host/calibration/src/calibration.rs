@@ -13,10 +13,10 @@ pub struct Coefficient {
     pub uncertainty_per_k: f64,
 }
 
-/// Coefficients of springs and rise.
+/// Temperature coefficients of springs and rise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
-    /// Coefficient of both springs together.
+    /// Coefficient of the stiffness of both layers, which changes by one factor.
     pub springs: Coefficient,
     /// Coefficient of the rise.
     pub rise: Coefficient,
@@ -27,11 +27,11 @@ pub struct Coefficients {
 pub struct Calibration {
     /// Commands in the order of sending.
     pub commands: Vec<Command>,
-    /// c_S of the evaluation, N/m.
+    /// Nominal c_S with which the session was evaluated, N/m.
     pub sensing_n_per_m: f64,
     /// The actuated layer.
     pub actuated: Actuated,
-    /// Ratio of a relative error of the stiffening to one of the signal, at the mean depth.
+    /// Relative error of the signal per relative error of the stiffening, at the mean depth.
     pub stiffening_of_signal: f64,
     /// Remaining uncertainty.
     pub uncertainty: Uncertainty,
@@ -53,7 +53,7 @@ pub struct Basis {
     pub presses: Vec<(f64, f64)>,
     /// The curve fitted to these presses.
     pub curve: Vec<(f64, f64)>,
-    /// Nominal c_S/c_L of every train, with the deviation of the train's own line.
+    /// Nominal c_S/c_L of every train, with the deviation from it that the train's own line gives.
     pub trains: Vec<(f64, f64)>,
     /// Nominal stiffness of every spring, with the stiffness from stage and force, N/m. Empty
     /// without a scale.
@@ -61,8 +61,9 @@ pub struct Basis {
 }
 
 impl Calibration {
-    /// Adds a relative standard uncertainty of the rise for errors that have the signal's shape and
-    /// show in no press: an error of the rise itself, and creep that ends before a train.
+    /// Adds a relative standard uncertainty of the rise, for errors that have the signal's own
+    /// shape and therefore show in no press: an error of the rise itself, and creep that ends
+    /// before a train.
     pub fn allow_for_rise(&mut self, uncertainty: f32) {
         for command in &mut self.commands {
             if let Command::SetStiffeningCurve(chunk) = command {

@@ -1,12 +1,12 @@
 //! Check of a calibration in use by a press onto a known spring.
 //!
-//! After a calibration the stiffening changes most, by temperature and age. This has the signal's
-//! own shape, so no press onto an unknown load shows it. Let W = 1 + kappa + c_S/c_D0. If a press
-//! onto a spring of known kappa is read with another W, the signal has changed by their ratio. The
-//! correction is the share of that change which the signal's uncertainty has in the total
-//! uncertainty of kappa. This is the filter of Kalman (Trans. ASME 82D, 1960, p. 35) for one
-//! quantity. The other errors, a constant and a part of kappa, remain; their effect on the press
-//! goes into the signal's size, so they cancel near the spring's kappa.
+//! After a calibration the stiffening changes most, by temperature and age. This change has the
+//! signal's own shape, so no press onto an unknown load shows it. Let W = 1 + kappa + c_S/c_D0. If
+//! a press onto a spring of known kappa is read with another W, the signal seems to have changed by
+//! the ratio of the two. The check corrects a share of that change: the variance of kappa by the
+//! signal over the total variance of kappa. This is the filter of Kalman (Trans. ASME 82D, 1960, p.
+//! 35) for one quantity. The other errors, a constant one and one proportional to kappa, remain;
+//! their effect on the press goes into the signal's size, so they cancel near the spring's kappa.
 
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
@@ -26,7 +26,7 @@ pub struct KnownPress {
     pub tolerance: f64,
     /// Measured c_S/c_L.
     pub load_ratio: f64,
-    /// Standard error of `load_ratio`, including the calibration's part.
+    /// Standard error of `load_ratio`, including the contribution of the calibration.
     pub standard_error: f64,
     /// Force at the end of the press, N.
     pub force_n: f64,
@@ -69,7 +69,7 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
     }
     let left = terms(calibrated.ratio(), |kappa| filter.left(&open, kappa));
     let left = Open::of_terms(left.map_err(|_| Unchecked::NotAPress)?);
-    // The attraction's part of the signal is unchanged.
+    // Only the stiffening changes; the attraction's contribution to the signal does not.
     let grows = 1.0 + filter.gain * filter.error / filter.whole / of_stiffening;
     let before = calibrated.rise_at_peak()?;
     Ok(Checked {
@@ -81,7 +81,8 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
     })
 }
 
-/// Standard uncertainties of kappa: a constant, a part of kappa, a part of W.
+/// Independent standard uncertainties that add to that of kappa: a constant one, one proportional
+/// to kappa, and one proportional to W.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Open {
     constant: f64,
@@ -112,18 +113,18 @@ impl Open {
     }
 }
 
-/// Size of the signal by a press onto a known spring.
+/// Estimate of the signal's size from a press onto a known spring.
 struct Filter {
     ratio: f64,
     /// kappa of the known spring.
     kappa: f64,
     whole: f64,
-    /// Error of kappa; positive where it is read too small.
+    /// Error of the measured kappa; positive where it is too small.
     error: f64,
-    /// Variance of `error`, and its part from the press and the spring.
+    /// Variance of `error`, and the contribution of press and spring to it.
     variance: f64,
     own: f64,
-    /// Part of the error that the signal causes.
+    /// Share of `error` that is attributed to the signal.
     gain: f64,
 }
 
@@ -131,8 +132,8 @@ impl Filter {
     fn of(open: &Open, ratio: f64, press: &KnownPress, kappa: f64) -> Self {
         let whole = 1.0 + kappa + ratio;
         let read_whole = 1.0 + press.load_ratio + ratio;
-        // The instrument's standard error includes the calibration's part; a train scatters by at
-        // least this much.
+        // The instrument's standard error includes the calibration's contribution, which is
+        // removed. A train scatters by `least` at least.
         let of_train = press.standard_error.powi(2) - open.variance(press.load_ratio, read_whole);
         let of_train = of_train * (whole / read_whole).powi(2);
         let least = (LEAST_SCATTER * whole).powi(2);
@@ -143,7 +144,7 @@ impl Filter {
             ratio,
             kappa,
             whole,
-            // Relative to the read value, since the correction of a size is a factor.
+            // Relative to the measured W, since the correction multiplies the signal's size.
             error: (whole / read_whole - 1.0) * whole,
             variance,
             own,
@@ -151,8 +152,8 @@ impl Filter {
         }
     }
 
-    /// Variance at another kappa after the check. The constant and scale errors remain, and the
-    /// signal's size contains their effect on the press.
+    /// Variance at another kappa after the check. The constant error and that proportional to kappa
+    /// remain, and their effect on the press has gone into the signal's size.
     fn left(&self, open: &Open, kappa: f64) -> f64 {
         let whole = 1.0 + kappa + self.ratio;
         let turned = self.gain * whole / self.whole;
@@ -222,7 +223,7 @@ impl<'c> InForce<'c> {
         Ok(f64::from(low.rise) + part * (f64::from(high.rise) - f64::from(low.rise)))
     }
 
-    /// Ratio of a relative error of the stiffening to one of the signal, in a press with this
+    /// Relative error of the signal per relative error of the stiffening, in a press with this
     /// force.
     fn stiffening_of_signal(&self, force_n: f64) -> Result<f64, Unchecked> {
         let at = |knot: &&StiffeningKnot| {
@@ -231,7 +232,7 @@ impl<'c> InForce<'c> {
                 -self.ratio() * rise / (1.0 + rise),
                 self.ratio() / (1.0 + rise),
             );
-            // Divided by the deformation, which is the force over c_S.
+            // Attraction over c_S, divided by the deformation, which is the force over c_S.
             let pulled = self.attraction_n_per_a2 * current_a * current_a * actuated / force_n;
             (h, h + pulled)
         };
@@ -255,7 +256,8 @@ impl<'c> InForce<'c> {
         f64::from(self.springs.sensing_n_per_m) / press.spring_n_per_m
     }
 
-    /// Uncertainties at a temperature. The instrument counts an error of the rise by W/(1 + rise).
+    /// Uncertainties at a temperature. The instrument multiplies an error of the rise by W/(1 +
+    /// rise) to get one of kappa.
     fn open(&self, temperature_c: Option<f64>) -> Open {
         let warmer_k = self.warmer_k(temperature_c);
         let per_k = |of: fn(&TemperatureEffect) -> f32| {

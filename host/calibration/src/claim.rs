@@ -5,15 +5,15 @@ use super::line::Bend;
 use super::terms::terms;
 use super::{Known, Unusable};
 
-/// Standard uncertainties that the instrument adds to a measurement, in its own terms: a constant
-/// of kappa = c_S/c_L, a part of kappa, and a part of the stiffening.
+/// Standard uncertainties that the instrument adds to a measurement, in the terms that it stores: a
+/// constant one of kappa = c_S/c_L, one proportional to kappa, and a relative one of the rise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Constant uncertainty of kappa.
     pub constant: f64,
-    /// Uncertainty as a part of kappa.
+    /// Uncertainty of kappa, relative to kappa.
     pub scale: f64,
-    /// Uncertainty as a part of the rise.
+    /// Relative uncertainty of the rise.
     pub rise: f64,
     /// Root mean square of the bends of the trains' own lines.
     pub bend: f64,
@@ -46,8 +46,8 @@ pub(crate) struct BenchScatter {
     pub(crate) frame_m_per_n: f64,
 }
 
-/// Depths of a press in use, in units of the mean of all trains, for the mean square of the
-/// uncertainty.
+/// Depths of presses in use, relative to the mean depth of all trains, over which the variance is
+/// averaged.
 const DEPTHS: [f64; 3] = [0.7, 1.0, 1.3];
 
 pub(crate) fn uncertainty(
@@ -88,8 +88,9 @@ pub(crate) fn uncertainty(
 }
 
 impl Uncertainty {
-    /// Returns itself if a load of c_S can be measured with it. Beyond the settings' greatest error
-    /// the instrument refuses every estimate, and does not accept the values either.
+    /// Returns the uncertainty itself if a load of c_S can be measured with it. Beyond the
+    /// settings' `greatest_error` the instrument refuses every estimate, and does not accept the
+    /// values either.
     fn within(self, allowed: f64) -> Result<Self, Unusable> {
         let [_, at_sensing, _] = self.at;
         if at_sensing <= allowed {
@@ -116,7 +117,7 @@ impl Open<'_> {
             + self.of_bench(kappa)
     }
 
-    /// Variance from the adjusted quantities, mean over the depths.
+    /// Variance of kappa by the adjusted quantities, averaged over [`DEPTHS`].
     fn of_quantities(&self, kappa: f64, covariance: &[Changes; QUANTITIES]) -> f64 {
         /// Step of a quantity for the derivative of the reading.
         const STEP: f64 = 1e-6;
@@ -140,7 +141,7 @@ impl Open<'_> {
         DEPTHS.into_iter().map(at_depth).sum::<f64>() / DEPTHS.len() as f64
     }
 
-    /// Variance of a single train.
+    /// Variance of kappa by the errors of a single train.
     fn of_train(&self, kappa: f64) -> f64 {
         (self.adjusted.scatter * self.whole(kappa)).powi(2)
     }

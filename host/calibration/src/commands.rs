@@ -22,7 +22,7 @@ pub(crate) struct Findings<'a> {
     pub(crate) crosstalk: &'a Crosstalk,
     pub(crate) actuated: &'a Actuated,
     pub(crate) uncertainty: &'a Uncertainty,
-    /// Ratio of a relative error of the stiffening to one of the signal.
+    /// Relative error of the signal per relative error of the stiffening.
     pub(crate) stiffening_of_signal: f64,
     /// Shallowest calibrated press, m.
     pub(crate) least_press_m: f64,

@@ -10,10 +10,10 @@ use super::samples::SampleRun;
 /// Degree of the polynomial through the quick presses: 7 fits the coil's own curve between two
 /// slabs as well as 9.
 pub(crate) const DEGREE: usize = 7;
-/// Prior size of the polynomial's terms, relative to the greatest force: of the second, and of each
-/// to the one before. It keeps noise of the load cell from bending the curve. The test
-/// `terms_of_the_coils_curve_are_within_their_prior` shows the coil's own terms, for presses of 0.3
-/// to 0.7 mm between slabs 1 mm away.
+/// Prior standard deviations of the polynomial's terms: that of the second term, relative to the
+/// greatest force, and that of each further term, relative to the term before. They keep noise of
+/// the load cell from bending the curve. The test `terms_of_the_coils_curve_are_within_their_prior`
+/// shows the coil's own terms, for presses of 0.3 to 0.7 mm between slabs 1 mm away.
 const SECOND: f64 = 0.15;
 const DECAY: f64 = 0.3;
 

@@ -137,6 +137,6 @@ fn by_springs(
     })
 }
 
-/// A press may be shallower than the shallowest train by a twentieth, the effect of creep and
-/// drift.
+/// Depth of the shallowest press allowed in use, over that of the shallowest train: creep and drift
+/// change a depth by a twentieth.
 const WITHIN: f64 = 0.95;

@@ -1,14 +1,15 @@
 //! Linear least squares with a covariance.
 //!
-//! Householder's triangularisation (Golub and Van Loan, *Matrix Computations*, section 5.3.2), with
-//! the right side as an additional column, whose part below the triangle is the residual.
+//! Uses Householder's triangularisation (Golub and Van Loan, *Matrix Computations*, section 5.3.2)
+//! with the right side as an additional column; the part of that column below the triangle is the
+//! residual.
 
 use std::ops::Index;
 
 use super::Unusable;
 
-/// Rows of an overdetermined system: coefficients, right side, weight (one over its sigma, up to a
-/// common factor).
+/// Rows of an overdetermined system, each with its coefficients, right side and weight; a weight is
+/// one over the row's sigma, up to a factor common to all rows.
 #[derive(Clone, Debug, Default)]
 pub struct System {
     unknowns: usize,

@@ -8,11 +8,11 @@ use super::Unusable;
 use super::actuated_layer::Actuated;
 use super::least_squares::System;
 
-/// Maximum number of steps from the solution of the linear equation: trains of the shipped designs
-/// take four, four times their noise takes nine.
+/// Maximum number of steps of the iteration from its start, the solution of the linear equation:
+/// trains of the shipped designs take four, with four times their noise nine.
 pub(crate) const MOST_STEPS: usize = 20;
-/// Relative change of 1 + c_S/c_L of a train, or of c_S/c_D0, that ends the iteration: its effect
-/// on a load is a ten-thousandth of the smallest uncertainty.
+/// The iteration ends when a step changes 1 + c_S/c_L of a train, or c_S/c_D0, by less than this,
+/// relative: the effect on a load is a ten-thousandth of the smallest uncertainty.
 pub(crate) const SETTLED: f64 = 1e-7;
 
 /// A sample of a fall.
@@ -72,10 +72,10 @@ impl Actuated {
         })
     }
 
-    /// Fits a line to one train, for a press of age `tau_s` at its start.
+    /// Fits a line to one train; `tau_s` is the age of the press at the start of the train, s.
     ///
     /// # Errors
-    /// If the samples do not determine it.
+    /// If the samples do not determine the line.
     pub fn line(
         &self,
         samples: &[FallSample],
@@ -109,7 +109,7 @@ impl Actuated {
         }
         let solved = system.solve(TRAIN)?;
         let variance = solved.sigma * solved.sigma;
-        // Effect of a sample on kappa.
+        // Contribution of a sample's error to kappa.
         let moved = |(row, residual): &(Vec<f64>, f64)| {
             let terms = row.iter().enumerate();
             let terms = terms.map(|(place, entry)| solved.covariance[(KAPPA, place)] * entry);
@@ -206,10 +206,11 @@ pub struct TrainFit {
 }
 
 impl TrainFit {
-    /// Fits a line to the points of one train, for a press of age `tau_s` at its start.
+    /// Fits a line to the points of one train; `tau_s` is the age of the press at the start of the
+    /// train, s.
     ///
     /// # Errors
-    /// If the points do not determine it.
+    /// If the points do not determine the line.
     pub fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
         let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
         let mut system = System::new(4);

@@ -9,7 +9,7 @@ use crate::line::FallSample;
 pub(crate) const SENSING_N_PER_M: f64 = 6e3;
 /// Peak current of the trains, A.
 pub(crate) const PEAK_A: f64 = 10.0;
-/// c_S/c_D0, rise at the peak and attraction, N/A^2.
+/// c_S/c_D0 without a current, rise at the peak current, and attraction, N/A^2.
 pub(crate) const RATIO: f64 = 1.1;
 pub(crate) const RISE: f64 = 0.04;
 pub(crate) const ATTRACTION_N_PER_A2: f64 = 3e-4;

@@ -6,9 +6,9 @@ use super::least_squares::System;
 use super::samples::SampleRun;
 use super::session::Run;
 
-/// Smallest span of a train's readings for their relative scatter, as a relative change of
-/// inductance: 8 µm on the reference coil. Shallow trains on a hard load span half of that, and a
-/// stand that vibrates by half a micrometre would be a tenth of them.
+/// Smallest span of a train's readings to which their scatter is related, as a relative change of
+/// inductance: 8 µm on the reference coil. Shallow trains on a hard load span half of that; on a
+/// stand that vibrates by half a micrometre the scatter would be a tenth of their span.
 const LEAST_SPAN: f64 = 2e-3;
 
 /// Returns the standard deviation of the readings on the falls of a train about a smooth curve of

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// One sample of the instrument, with the gauges' readings soon after.
+/// One sample of the instrument, with readings of the gauges taken soon after it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchSample {
     /// Middle of the conversion, s.
@@ -48,7 +48,7 @@ pub struct Run {
     pub ramps_s: f64,
     /// End of the stage's movement, s; 0 without a press.
     pub pressed_s: f64,
-    /// Zero of these times, s of the board's clock.
+    /// Zero of the run's times, s of the board's clock.
     pub zero_s: f64,
 }
 
@@ -66,8 +66,8 @@ impl Run {
         }
     }
 
-    /// Shifts all times to count from `moment_s`, the start of the run; a run without a press gets
-    /// zero as its end of movement.
+    /// Shifts all times so that they count from `moment_s`, the start of the run. In a run without
+    /// a press the end of the movement becomes zero.
     pub fn since(mut self, moment_s: f64) -> Self {
         for line in &mut self.lines {
             line.time_s -= moment_s;
@@ -109,7 +109,7 @@ pub struct Session {
     /// The runs.
     pub runs: Vec<Run>,
     /// A press onto the block without a train, to a lower frequency than that of any run, in the
-    /// same time as the deepest of their presses.
+    /// same time as the deepest press of the runs.
     pub deepest_press: Run,
     /// Force in N and scale in m, block on block, without the sensor.
     pub bare: Vec<(f64, f64)>,

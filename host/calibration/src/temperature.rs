@@ -2,8 +2,8 @@
 //!
 //! The geometry of the coil, and so the deformation at a reading, does not depend on the
 //! temperature. The forces of the layers change by one common factor, and the size of the
-//! stiffening changes. A quantity with the coefficient b is exp(b dT) times as large dT kelvin
-//! above, as in the instrument.
+//! stiffening changes. As in the instrument, a quantity with the coefficient b is exp(b dT) times
+//! as large when the sensor is warmer by dT kelvin.
 
 use palpate_wire::Command;
 use palpate_wire::command::{
@@ -66,8 +66,8 @@ fn coefficients(at_first: &Calibration, at_second: &Calibration, warmer_k: f64) 
     }
 }
 
-/// Force at the second temperature over that at the first, at the same readings, as a slope through
-/// zero.
+/// Force at the second temperature over that at the first temperature, at equal readings: slope of
+/// a line through zero.
 fn force_ratio(first: &Calibration, second: &Calibration) -> f64 {
     let both = first.force.points().into_iter().map(|(change, force_n)| {
         let within = change <= second.force.greatest_change;
@@ -82,7 +82,7 @@ fn force_ratio(first: &Calibration, second: &Calibration) -> f64 {
 }
 
 /// Rise at the second temperature over that at the first. The instrument keeps c_S/c_D0 constant,
-/// so only the size of h changes, in units of the second temperature's springs.
+/// so only the size of h changes; h is in units of the springs at the second temperature.
 fn rise_ratio(first: &Calibration, second: &Calibration, springs: f64) -> f64 {
     /// Number of currents at which the falls are compared.
     const CURRENTS: u8 = 32;
@@ -176,13 +176,13 @@ pub(crate) fn brought_to(commands: &[Command], now_c: Option<f64>) -> Vec<Comman
     commands.iter().map(changed).collect()
 }
 
-/// Relative error of the exponential law: for a quantity linear in the temperature, at 0.5 %/K, the
-/// coefficients from 20 K above and from 20 K below differ by this part: ln(1 - 0.1) is 5 % off
-/// -0.1.
+/// Relative difference between the coefficients from 20 K above and from 20 K below, for a quantity
+/// linear in the temperature at 0.5 %/K, which the instrument describes by an exponential: ln(1 -
+/// 0.1) is 5 % off -0.1.
 const OF_LAW: f64 = 0.05;
-/// Root mean square difference of two sessions at one temperature, in the force at a reading and in
-/// the rise: 0.6e-4 and 0.0058 on 30 simulated sensors of the design `ultrasoft`, seeds 760001 to
-/// 760030.
+/// Root mean square differences between two sessions at one temperature, of the force at a reading
+/// and of the rise: 0.6e-4 and 0.0058 on 30 simulated sensors of the design `ultrasoft`, seeds
+/// 760001 to 760030.
 const NOISE_OF_SPRINGS: f64 = 1e-4;
 const NOISE_OF_RISE: f64 = 0.006;
 

@@ -7,8 +7,9 @@ use super::least_squares::System;
 /// load to one ten times as soft as the sensing layer.
 const KAPPAS: [f64; 8] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
-/// Fits a constant, a part of kappa and a part of W = 1 + kappa + c_S/c_D0, none negative, whose
-/// squares add up to a variance of kappa. Relative errors of the variance count alike.
+/// Fits three terms whose squares add up to a variance of kappa, none negative: a constant, one
+/// proportional to kappa, and one proportional to W = 1 + kappa + c_S/c_D0. Equal relative errors
+/// of the variance have equal weight.
 pub(crate) fn terms(ratio: f64, variance: impl Fn(f64) -> f64) -> Result<[f64; 3], Unusable> {
     let squares = |kappa: f64| [1.0, kappa * kappa, (1.0 + kappa + ratio).powi(2)];
     // Every round removes one negative term.

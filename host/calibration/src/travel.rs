@@ -3,8 +3,8 @@
 //! On a block the stage travels by the compression of both layers: s = G(y) at the change of
 //! inductance y. On a spring k it travels further at the same y, since the force is the same: s =
 //! G(y) (1 + C/k), with F = C G(y) and C the stiffness of both layers in series. So the travel
-//! gives the shape of the force, and each spring a value of C; a contradiction between springs
-//! shows. The zero of the stage's scale is an unknown of each press.
+//! gives the shape of the force, and each spring gives a value of C; springs that contradict each
+//! other show. The zero of the stage's scale is an unknown of each press.
 
 use super::curve::{DEGREE, PressCurve, chebyshev};
 use super::least_squares::System;
@@ -12,11 +12,11 @@ use super::samples::{self, SampleRun};
 use super::{Known, Unusable};
 use crate::session::{Pressed, Session};
 
-/// Largest compliance of an unmeasured frame, m/N, uniform from zero: 2 µm per newton, as the
-/// softest of the simulated benches.
+/// Largest compliance of a frame that is not measured, m/N: 2 µm per newton, as of the softest of
+/// the simulated benches. The compliance is taken as uniform from zero to this.
 pub(crate) const FRAME_M_PER_N: f64 = 2e-6;
-/// Maximum number of points of a press: the noise is small, and the errors are correlated over many
-/// points.
+/// Maximum number of evaluated points of a press; more would not help: the noise is small, and the
+/// errors are correlated over many points.
 const POINTS: usize = 200;
 /// Rounds of the iteration between the curve and the springs' travels: the third changes C by less
 /// than a thousandth.
@@ -34,7 +34,7 @@ pub(crate) struct Travel {
     pub(crate) springs: Vec<SpringTravel>,
 }
 
-/// Deviation of a spring's travel from that of its nominal stiffness.
+/// Deviation of the travel on a spring from that expected from its nominal stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpringDeviation {
     /// Nominal stiffness, N/m.
@@ -43,8 +43,8 @@ pub struct SpringDeviation {
     pub deviation: f64,
 }
 
-/// Compares every spring with its nominal stiffness, by load cell and stage, or with the other
-/// springs. Empty where the stage has no scale.
+/// Compares every spring with its nominal stiffness, by load cell and stage, or without a load cell
+/// by the other springs. Empty where the stage has no scale.
 ///
 /// # Errors
 /// If the session lacks the compared data.
@@ -71,23 +71,25 @@ pub fn spring_deviations(
 pub(crate) struct SpringTravel {
     /// Nominal stiffness, N/m.
     pub(crate) n_per_m: f64,
-    /// Travel over that on a block, at the same change of inductance.
+    /// Travel on the spring over that on a block, at equal change of inductance.
     pub(crate) times: f64,
 }
 
 impl SpringTravel {
-    /// Resulting stiffness of both layers in series, N/m.
+    /// Stiffness C of both layers in series that the travel on this spring gives, N/m.
     pub(crate) fn series_n_per_m(&self) -> f64 {
         self.n_per_m * (self.times - 1.0)
     }
 
-    /// Relative standard uncertainty of that stiffness, for springs within a tolerance.
+    /// Relative standard uncertainty of [`series_n_per_m`](Self::series_n_per_m), for springs
+    /// within a tolerance.
     fn uncertainty(&self, tolerance: f64) -> f64 {
         let of_travel = OF_TRAVEL * self.times / (self.times - 1.0);
         (tolerance / 3_f64.sqrt()).hypot(of_travel)
     }
 
-    /// Relative deviation of the travel from that expected of the spring.
+    /// Relative deviation of the travel from that expected of the spring, with both layers'
+    /// stiffness in series, N/m.
     pub(crate) fn off_by(&self, series_n_per_m: f64) -> f64 {
         let should = 1.0 + series_n_per_m / self.n_per_m;
         self.times / should - 1.0

@@ -27,8 +27,8 @@ pub enum Unchecked {
     },
 }
 
-/// Standard errors beyond which the calibration is refused and not corrected. One check in 370
-/// refuses a valid calibration.
+/// Deviation of a press, in standard errors, beyond which the calibration is refused, not
+/// corrected. One check in 370 refuses a valid calibration.
 pub const MOST_DEVIATION: f64 = 3.0;
 
 impl fmt::Display for Unchecked {
@@ -80,6 +80,6 @@ impl fmt::Display for Unchecked {
 
 impl std::error::Error for Unchecked {}
 
-/// Greatest corrected change. Tests cover changes of the cross-talk up to a fifth; a larger change
-/// has causes outside the model.
+/// Greatest relative change of the cross-talk that is corrected. Tests cover changes up to a fifth;
+/// a larger change has causes outside the model.
 pub const MOST_CHANGE: f64 = 0.3;

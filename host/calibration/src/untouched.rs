@@ -1,11 +1,11 @@
 //! Check of the cross-talk in use, by a train without a press.
 //!
-//! The coil's field on the sensing layer adds X I^2 to a reading. If this has changed by a part e
-//! since the calibration, either the field acts on the layer differently, or the true current
-//! differs from the measured one. In the second case the stiffening, also proportional to the
-//! square of the current, has changed by e as well. A train without a press cannot separate the two
-//! cases: X is corrected, and e becomes a standard uncertainty of the rise. A press onto a known
-//! spring (`check`) then determines the case.
+//! The coil's field on the sensing layer adds X I^2 to a reading. If X has changed by a relative
+//! amount e since the calibration, either the field acts on the layer differently, or the true
+//! current differs from the measured one. In the second case the stiffening, also proportional to
+//! the square of the current, has changed by e as well. A train without a press cannot separate the
+//! two cases: X is corrected, and e becomes a standard uncertainty of the rise. A press onto a
+//! known spring (`check`) then determines the case.
 //!
 //! The comparison is with the bench's own train, not with the X of the calibration, since the
 //! calibration adjusts X to the presses too, and differs from the untouched sensor by up to 5 %.
@@ -31,15 +31,16 @@ pub struct Untouched {
     pub corrected: bool,
 }
 
-/// Relative standard uncertainty in addition to the scatter of the falls: the drift of the
-/// untouched reading by warming is taken as linear over a train. With it 24 trains without any
-/// change, on 12 simulated sensors of the design `ultrasoft` from seed 710001, half of them 30 K
-/// warmer, deviate by 2.1 standard errors at most, without it by 3.3.
+/// Relative standard uncertainty of the cross-talk in addition to that by the scatter of the falls:
+/// warming drifts the untouched reading, and the drift is taken as linear over a train. With this
+/// addition 24 trains without any change, on 12 simulated sensors of the design `ultrasoft` from
+/// seed 710001, half of them 30 K warmer, deviate by 2.1 standard errors at most, without it by
+/// 3.3.
 const OF_WARMING: f64 = 1e-3;
-/// Limit of the drift of the untouched reading over a train, as a part of the cross-talk: 0.006 at
-/// most in those 24 trains. A change of contact exceeds it.
+/// Greatest drift of the untouched reading over a train, relative to the cross-talk at the peak: in
+/// the 24 trains above it is 0.006 at most. A change of contact exceeds the limit.
 const MOST_DRIFT: f64 = 0.2;
-/// Smallest part of the settings' falls that must be evaluable.
+/// Smallest part of the falls in the settings that a train must contain.
 const LEAST_FALLS: f64 = 0.5;
 
 /// The bench's own train without a press, for comparison.
@@ -69,7 +70,7 @@ pub fn check_untouched(
     }
     let before = Added::by(bench.run, in_force.settings)?;
     let now = Added::by(run, in_force.settings)?;
-    // Correction by earlier checks.
+    // Correction of the cross-talk by earlier checks.
     let corrected_before = in_force.apparent_m_per_a2 / calibrated.apparent_m_per_a2;
     let change = now.per_a2 / before.per_a2 / corrected_before - 1.0;
     let scatter = now.standard_error.hypot(before.standard_error) / before.per_a2;
@@ -138,12 +139,12 @@ fn falls(samples: &[Fallen]) -> Vec<&[Fallen]> {
 
 /// Effect of the current on the relative change of inductance.
 struct Added {
-    /// Effect per square of the current, 1/A^2.
+    /// Relative change of inductance per square of the current, 1/A^2.
     per_a2: f64,
     /// Standard error of `per_a2`, by leaving out one fall after the other (Efron, Ann. Statist. 7,
     /// 1979, p. 1: the jackknife).
     standard_error: f64,
-    /// Other change over the train.
+    /// Relative change of inductance over the train that does not depend on the current.
     drift: f64,
 }
 
@@ -184,7 +185,8 @@ impl Added {
     }
 }
 
-/// Drift, 1/s, and effect of the current, 1/A^2.
+/// Fits the relative change of inductance: its drift, 1/s, and its slope over the square of the
+/// current, 1/A^2.
 fn fit<'f>(samples: impl Iterator<Item = &'f Fallen>) -> Option<(f64, f64)> {
     let mut system = System::new(3);
     for sample in samples {

@@ -61,9 +61,9 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// Ratio of change to scatter below which the signal is the cause of a failed evaluation: the
-    /// design `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less than zero, since
-    /// the attraction outweighs the stiffening.
+    /// Ratio of change to scatter below which a small signal counts as the cause of a failed
+    /// evaluation. The design `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less
+    /// than zero, since the attraction outweighs the stiffening.
     const CLEAR: f64 = 10.0;
 
     pub(crate) fn is_clear(&self) -> bool {
@@ -151,8 +151,8 @@ impl fmt::Display for Unusable {
 
 impl std::error::Error for Unusable {}
 
-/// Smallest difference of temperature between two sessions, K: without any change two calibrations
-/// differ by up to a per cent, which over five kelvin is 0.2 %/K.
+/// Smallest difference of temperature between two sessions, K: even without a change of temperature
+/// two calibrations differ by up to a per cent, which over five kelvin is 0.2 %/K.
 pub const LEAST_DIFFERENCE_K: f64 = 5.0;
 
 /// Largest coefficient, 1/K, as in the protocol. Silicone rubbers change by some tenths of a per

@@ -29,7 +29,7 @@ pub fn in_order<T: Send>(
 }
 
 struct Queue<T, R> {
-    /// The index of the next result to be received.
+    /// Index of the next result to be passed on.
     next: usize,
     /// Later results that are already available.
     waiting: BTreeMap<usize, T>,

@@ -2,7 +2,8 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Readable on a screen and on A4: two charts side by side, no page break within a load.
+/// Style sheet of a page: readable on a screen and on A4, two charts side by side, no page break
+/// within a load.
 const STYLE: &str = "
 :root { color-scheme: light; background: #fff }
 body { font: 15px/1.4 sans-serif; max-width: 1100px; margin: 1.5em auto; padding: 0 1em; color: #111 }

@@ -10,11 +10,13 @@ pub use plotters::style::RGBColor as Colour;
 
 use crate::failure::Failure;
 
-/// Number of pieces of a curve over time; the minimum and maximum of each are drawn.
+/// Number of pieces into which a curve over time is divided; the minimum and maximum of each piece
+/// are drawn.
 const PIECES: usize = 400;
-/// Charts are drawn three times as large as shown, since the library rounds to whole pixels.
+/// Charts are drawn three times as large as they are shown, since the library rounds to whole
+/// pixels.
 const ENLARGED: u32 = 3;
-/// Size as shown, in CSS pixels.
+/// Size of a chart as it is shown, in CSS pixels.
 const SIZE: (u32, u32) = (520, 300);
 const FONT: &str = "sans-serif";
 /// Approximate part of a chart that a legend covers, horizontally and vertically.

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::notice;
 
-/// Interval of the lines. A shorter computation prints none.
+/// Interval between two lines of progress. A computation that is shorter prints none.
 const EVERY: Duration = Duration::from_secs(30);
 
 /// A bar on the terminal, or lines.

@@ -9,7 +9,7 @@ use palpate_sim::stack::document::text_of;
 use crate::failure::Failure;
 
 /// Limit of an input's size, bytes, since a device may never end. A day of conversion words at 1
-/// kHz has fewer.
+/// kHz has fewer bytes.
 const MOST_BYTES: u64 = 1_000_000_000;
 
 /// Reads the text of a file, without a byte order mark.

@@ -26,25 +26,26 @@ pub(super) struct Figures {
     /// Deviation of the load cell from a smooth curve of the inductance during the press, over the
     /// force.
     pub(super) follows: Option<f64>,
-    /// Deviation of the stage's scale from such a curve after the touch, over its travel.
+    /// Deviation of the stage's scale from a smooth curve of the inductance, after the touch, over
+    /// the scale's travel.
     pub(super) stage_follows: Option<f64>,
     /// Part of the samples without a force.
     pub(super) force_missing: f64,
     /// Longest time of an unchanged force under the press, s.
     pub(super) frozen_s: f64,
-    /// Greatest relative growth of the change of inductance in the train.
+    /// Greatest change of inductance in the train over that before it, less one.
     pub(super) swing: f64,
-    /// Relative difference of the change of inductance after the train from before.
+    /// Change of inductance after the train over that before it, less one.
     pub(super) slip: f64,
-    /// Relative difference of the force after the train from before.
+    /// Force after the train over that before it, less one.
     pub(super) force_slip: Option<f64>,
     /// Standard deviation of the train's readings about a smooth curve, over their span.
     pub(super) scatter: Option<f64>,
 }
 
-/// Smallest target depth for relative forces: 0.05 mm.
+/// The target force, to which forces are related, is that of this depth at least: 0.05 mm.
 const LEAST_DEPTH_M: f64 = 50e-6;
-/// Change of inductance at which a press touches: 8 µm.
+/// Change of inductance above which a sample counts as one with contact: that of 8 µm.
 const TOUCHED: f64 = 2e-3;
 /// Averaging time of the pressed sensor before the train and after its end, s.
 const MEAN_S: f64 = 0.03;
@@ -101,9 +102,10 @@ impl Figures {
     }
 }
 
-/// Part of a train's additional deformation that creep retains, relative to the greatest
-/// deformation: up to 0.28 on the design `closed`, whose train more than doubles the deformation
-/// (swing 0.3 to 1.7, 0.07 to 0.12 left).
+/// Relative change of the deformation that creep may leave after a train, divided by the
+/// deformation that the train adds, relative to the greatest deformation. On the design `closed`,
+/// whose train more than doubles the deformation, it is up to 0.28 (swing 0.3 to 1.7, 0.07 to 0.12
+/// left).
 const LEFT_BY_TRAIN: f64 = 0.25;
 
 impl Figures {

@@ -53,7 +53,7 @@ pub enum Check {
     Spring,
 }
 
-/// Smallest change of inductance of a press: 20 µm on the reference coil.
+/// Smallest change of inductance that a press must cause: 20 µm on the reference coil.
 const LEAST_CHANGE: f64 = 5e-3;
 
 impl Check {
@@ -94,20 +94,21 @@ impl Check {
             Self::Samples => 0.01,
             // A missing reading makes the press or the falls around it unusable.
             Self::ForceMissing => 0.02,
-            // The firmware itself allows its current 2 %; an open coil gives no current, a
-            // half-dead one half.
+            // The firmware allows its current an error of 2 %. An open coil gives no current, a
+            // half-dead coil half of it.
             Self::Current => 0.1,
-            // A hundredth of the force shifts the zero of the curve by a hundredth of the depth.
+            // A zero error of a hundredth of the force shifts the zero of the curve by a hundredth
+            // of the depth.
             Self::Zero => 0.05,
             Self::ForceNoise => 0.02,
-            // 4 µm; warming by the train causes half a micrometre.
+            // Equals 4 µm of deformation; warming by the train causes half a micrometre.
             Self::Touched => 1e-3,
             // Equals 8 µm of contact, or 10 K: the capacitor has 30 ppm/K, the layers' growth 150.
             Self::RestFrequency => 1e-3,
             Self::Reached => 0.0,
             Self::StageSign => 0.0,
-            // Between the nearest wrong unit, a factor of 10 (cm, bar), and the layers' spread of a
-            // fifth.
+            // Lies between the layers' spread of a fifth and the nearest wrong unit, a factor of 10
+            // (cm, bar).
             Self::StageUnit => 3.0,
             Self::ForceSign => 0.0,
             // The nearest wrong unit is the pound-force, 4.4 N.
@@ -117,16 +118,17 @@ impl Check {
             // A force that creeps by some millinewtons a second changes its last digit sooner.
             Self::ForceFrozen => 0.5,
             Self::StageFollows => 0.01,
-            // Creep during the train; good runs have half of this.
+            // Allows creep during the train; good runs have half of this.
             Self::Slip => 0.06,
             Self::ForceSlip => 0.06,
             // Lag and memory of the layers, and stands that shake by half a micrometre, cause 4.0 %
             // at most on 48 simulated sensors. Jumps and shaking of 2 µm exceed the limit.
             Self::Scatter => 0.08,
             Self::Depth => 2.0,
-            // This compliance is in series with every load: beyond the limit no load is rigid.
+            // The frame's compliance is in series with every load: beyond the limit no load is
+            // rigid.
             Self::Frame => 0.2,
-            // Creep in presses of different length, and the springs' tolerance of 1 %.
+            // Allows creep in presses of different length, and the springs' tolerance of 1 %.
             Self::Spring => 0.07,
         }
     }
