@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-/// Longest duration, s: 31 years, which every clock of the tool can add to its time.
+/// Longest duration, s (31 years): added to the time of any of the tool's clocks, it does not
+/// overflow.
 const LONGEST_S: f64 = 1e9;
-/// Softest and stiffest spring, in units of the sensing layer's stiffness.
+/// Stiffness of the softest and of the stiffest allowed spring, in units of the sensing layer's.
 const LOADS: [f64; 2] = [1e-3, 1e3];
 
 /// Parses a number within limits.

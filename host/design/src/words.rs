@@ -34,8 +34,8 @@ pub struct Arguments {
 }
 
 const COLUMNS: [&str; 5] = ["source", "fref_hz", "rcount", "kind", "value"];
-/// Range from the slowest clock (2 MHz) over the largest divider to the fastest internal
-/// oscillator.
+/// Allowed reference frequencies, Hz: from the slowest clock (2 MHz) over the largest divider to
+/// the fastest internal oscillator.
 const REFERENCE_HZ: std::ops::RangeInclusive<f64> = 1_955.0..=55e6;
 
 /// One decoded word.
@@ -50,13 +50,15 @@ struct WordRow {
     m: u32,
     n: u32,
     residual_lsb: f32,
-    /// `None` for a sensor too slow for a verdict, and for a word without a result.
+    /// Whether the word is plausible; `None` for a sensor too slow for a verdict, and for a word
+    /// without a result.
     plausible: Option<bool>,
     /// Probability that a random word is called plausible.
     false_accept: f32,
     /// Verdict from flags and value.
     quality: Quality,
-    /// At or above a quarter of the reference, outside the chip's stated limit.
+    /// Whether the frequency is at or above a quarter of the reference, outside the chip's stated
+    /// limit.
     above_quarter_reference: bool,
 }
 
@@ -92,7 +94,7 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_failure(path, &error))?;
-        // Counting lines reads the text up to the record, so only a wrong record is located.
+        // Located only on an error, since counting lines reads the text up to the record.
         let fail = |(problem, allowed): (String, String)| Failure::Input {
             file: path.to_owned(),
             line: (record.position()).map_or(0, |place| line_from(&text, place.byte())),

@@ -34,7 +34,7 @@ pub struct CalibratedInstrument {
     pub depth_m: f64,
 }
 
-/// Depths of all presses, in units of the working depth: the variation between users' hands.
+/// Depths of all presses, in units of the working depth: users' hands vary by as much.
 const DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
 /// Greatest deformation of the sensing layer at the peak current, m: that of the deepest press with
 /// the shipped designs (soft-closed: 0.4 mm, 1.4 times, 1.08 times as deep at the peak). The layer
@@ -50,20 +50,21 @@ pub const SPEED_M_PER_S: f64 = 2e-3;
 /// before the rise. Both times must agree, since the layers creep: after a bench whose trains come
 /// 0.16 s earlier, loads of 5 c_S are read 2.4 % softer, and those of c_S 0.8 %.
 const REST_S: f64 = 0.15;
-/// Greatest peak current as a share of the supply's current through the warm coil.
+/// Greatest peak current, relative to the current that the supply drives through the warm coil.
 const OF_SUPPLY: f64 = 0.95;
-/// Resistance of the warm coil over that at rest: 50 K above it.
+/// Resistance of the warm coil, 50 K above rest, over that at rest.
 const WARM: f64 = 1.2;
 
-/// Standard uncertainties of the temperature coefficients before a measurement: uniform within -0.4
-/// to 0.1 %/K for both springs (root of mean square 0.21 %), within 0.5 %/K for the rise
+/// Standard uncertainties of the temperature coefficients before they are measured: uniform within
+/// -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), and within 0.5 %/K for the rise
 /// (sim-host/stacks/disturbances.toml).
 const SPRINGS_PER_K: f64 = 0.002_1;
 const RISE_PER_K: f64 = 0.002_9;
-/// Temperature of the second bench above the first, K: what a warm plate can add to sensor and
-/// board.
+/// Temperature of the second bench above that of the first, K: what a warm plate can add to sensor
+/// and board.
 const WARMER_K: f64 = 20.0;
-/// Tolerance of the bench's springs and of its load cell's gain, from the same file.
+/// Tolerance of the bench's springs and of its load cell's gain, as in
+/// sim-host/stacks/disturbances.toml.
 const SPRING_TOLERANCE: f64 = 0.01;
 const LOAD_CELL_GAIN: f64 = 0.001;
 
@@ -246,7 +247,7 @@ impl BenchTask {
     }
 }
 
-/// Resistance of a board's supply with its wires, ohm: the greatest in the simulation.
+/// Resistance of a board's supply with its wires, ohm: the greatest that the simulation draws.
 const SUPPLY_OHM: f64 = 0.3;
 
 /// Greatest working depth at rest, m, for which the deepest press onto a rigid load stays within

@@ -27,11 +27,11 @@ pub struct Press {
 
 /// Initial distance of objects above the sensor, m.
 pub const CLEARANCE_M: f64 = 0.2e-3;
-/// Time for self-test and baseline.
+/// Time that the instrument gets for self-test and baseline before the press.
 const BASELINE: Time = Time::from_ms(800);
 /// Longest wait for a result after the press.
 const PATIENCE: Time = Time::from_ms(30_000);
-/// Time for the points of the load's curve, after the result.
+/// Time that is simulated after the result, until the points of the load's curve have arrived.
 const AFTERWARDS: Time = Time::from_ms(100);
 
 /// Outcome of one press.

@@ -47,9 +47,9 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// Factor by which the accuracy of L and R is relaxed against the constant field: in 20 bits of a
-/// resonance their error is a scale factor, and a tenth of a per cent is below the uncertainty of
-/// any material.
+/// Factor by which the tolerance of L and R is wider than that of the constant field: their error
+/// only scales a resonance, which is resolved to 20 bits, and a tenth of a per cent is below the
+/// uncertainty of any material.
 const WIDER: f64 = 10.0;
 
 fn frequency(text: &str) -> Result<f64, String> {
@@ -89,7 +89,7 @@ struct CoilAtFrequency {
     coil: String,
     #[serde(flatten)]
     alternating: SeriesImpedance,
-    /// Estimated absolute error.
+    /// Estimated absolute error of the inductance, H.
     inductance_error_H: f64,
     resistance_error_ohm: f64,
     /// Inductance for small changes of a constant current.

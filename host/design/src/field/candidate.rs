@@ -26,11 +26,11 @@ pub(super) enum Goal {
 /// Stiffening by the elastomer between the boards.
 #[derive(Clone, Copy, Debug)]
 struct Stiffening {
-    /// Relative rise of the actuated spring.
+    /// Relative rise of the actuated spring's stiffness.
     rise: f64,
-    /// The actuated layer's share of the whole compliance.
+    /// Share of the whole compliance that the actuated layer has.
     layer_share: f64,
-    /// Share of the compliance of a load as stiff as the sensing layer.
+    /// Share of the whole compliance that a load as stiff as the sensing layer has.
     load_share: f64,
 }
 
@@ -65,7 +65,7 @@ pub(super) struct Candidate {
     diameter_m: f64,
     force_n: f64,
     plate_max_t: f64,
-    /// Greatest excess of the field over the table of a material, T; 0 within all tables.
+    /// Greatest excess of the field over the end of a material's table, T; 0 within all tables.
     beyond_table_t: f64,
 }
 
@@ -285,7 +285,7 @@ impl Limited {
         let limit = match most {
             None => String::new(),
             Some(most) if self.excess() > 0.0 => format!(", above the limit of {most}"),
-            // The search's finest steps are a hundredth.
+            // Counts as at the limit, since the search's finest steps are a hundredth.
             Some(most) if *value > 0.99 * most => format!(", at the limit of {most}"),
             Some(most) => format!(", limit {most}"),
         };

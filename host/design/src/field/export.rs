@@ -50,7 +50,7 @@ pub(super) struct Arguments {
     step: f64,
 }
 
-/// Maximum number of points of a grid: 100 MB of text.
+/// Maximum number of points of a grid: so many are 100 MB of text.
 const MOST_POINTS: f64 = 1e6;
 
 fn step(text: &str) -> Result<f64, String> {

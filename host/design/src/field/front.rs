@@ -56,9 +56,9 @@ fn powers(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Path of the current, which follows from the power.
+/// Key of the current in a design file; the search sets the current that gives the requested power.
 const CURRENT: &str = "conductor.current_A";
-/// Relative accuracy of the solutions during the search.
+/// Relative accuracy of the field solutions during the search.
 const SEARCHING: f64 = 1e-2;
 
 /// A design on the Pareto front.
@@ -69,7 +69,7 @@ struct OnFront {
     figure: f64,
     /// Figure of the unchanged design at the same power.
     figure_as_it_is: f64,
-    /// Paths and values of the design's varied numbers.
+    /// Parameters set with `--vary`: key in the design file, and value.
     numbers: Vec<(String, f64)>,
 }
 

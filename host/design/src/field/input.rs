@@ -110,7 +110,7 @@ pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
     Ok((name.to_owned(), text_of_file(name)?))
 }
 
-/// Largest file, bytes: a thousand times a built-in design.
+/// Largest size of a design file, bytes: a thousand times a built-in design.
 const MOST_BYTES: u64 = 2_000_000;
 
 /// Reads the text of a file. Refuses pipes and devices, which may never end, and files too large
@@ -197,9 +197,9 @@ impl DesignSource {
     }
 }
 
-/// Ratio of the refinement error of profiles and drawings to the accuracy of centre and core mean:
-/// 2e-3 at 1e-4. The stated error is five times that; the greatest found is 1.8 times
-/// (docs/evidence/field-accuracy.md).
+/// Ratio of the refinement error at the points of profiles and drawings to the accuracy of centre
+/// and core mean: 2e-3 at 1e-4. The error stated for these points is five times the refinement
+/// error; the greatest error found is 1.8 times it (docs/evidence/field-accuracy.md).
 const SHARP: f64 = 20.0;
 
 /// Refines the mesh of a solved field at these points.

@@ -9,17 +9,17 @@ use super::drive::Drive;
 pub(super) struct Quantity {
     /// Label.
     label: &'static str,
-    /// Short label, for column heads.
+    /// Short label of the figure, for column heads.
     head: &'static str,
-    /// Label and short label per ampere, where these differ.
+    /// Label and short label of the figure per ampere, where they differ from those at a current.
     called_per_ampere: Option<[&'static str; 2]>,
-    /// Key per ampere, including the unit.
+    /// Key of the figure per ampere, including the unit.
     key_per_ampere: &'static str,
-    /// Key at a current or in a background, including the unit.
+    /// Key of the figure at a current or in a background, including the unit.
     key: &'static str,
-    /// Display unit per ampere, and the factor from the SI unit.
+    /// Display unit of the figure per ampere, and its factor from the SI unit.
     shown_per_ampere: (&'static str, f64),
-    /// Display unit at a current or in a background, and the factor from the SI unit.
+    /// Display unit of the figure at a current or in a background, and its factor from the SI unit.
     shown: (&'static str, f64),
     /// Returns the figure in SI units.
     pub(super) value: fn(&Figures) -> f64,

@@ -53,14 +53,15 @@ impl SearchArguments {
     }
 }
 
-/// First step of a search from any point, as a share of the bounds.
+/// First step of a search from any point, as a share of the range between the bounds of a number.
 pub(super) const FAR: f64 = 0.25;
-/// First step of a search that starts near the optimum, as a share of the bounds.
+/// First step of a search that starts near the optimum, as a share of the range between the bounds
+/// of a number.
 pub(super) const NEAR: f64 = 0.0625;
-/// Smallest step, as a share of the bounds.
+/// Smallest step, as a share of the range between the bounds of a number.
 const FINEST: f64 = 0.01;
-/// Tolerance, as a share of the bounds, below which two points count as equal: rounding after
-/// adding and subtracting the same step.
+/// Two points that differ by less count as equal, as a share of the range between the bounds:
+/// adding and subtracting one step leaves a rounding error.
 const SAME: f64 = 1e-9;
 
 /// All designs that the varied numbers can give.
@@ -86,7 +87,7 @@ pub(super) struct Tried {
 }
 
 impl Search<'_> {
-    /// The same search with each design at the current for this power, W.
+    /// Returns this search with each design at the current that gives this power, W.
     pub(super) fn at_power(&self, power_w: f64) -> Self {
         Self {
             power_w: Some(power_w),
@@ -94,7 +95,7 @@ impl Search<'_> {
         }
     }
 
-    /// The same search without saturation.
+    /// Returns this search without saturation.
     pub(super) fn linear(&self) -> Self {
         Self {
             linear: true,
@@ -102,7 +103,7 @@ impl Search<'_> {
         }
     }
 
-    /// The same search with the accuracy limited to `relative`.
+    /// Returns this search with the accuracy limited to `relative`.
     pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
         Self {
             effort: self.effort.at_most_accurate(relative),

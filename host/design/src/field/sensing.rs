@@ -80,7 +80,8 @@ struct AtGap {
     frequency_change_per_m: f64,
 }
 
-/// Half of the step of a slope, m: the cubic error is below 1e-7 of the slope at the smallest gap.
+/// Half of the step with which a slope is computed, m: the cubic error is below 1e-7 of the slope
+/// at the smallest gap.
 const STEP_M: f64 = 1e-8;
 
 impl AtGap {

@@ -76,16 +76,16 @@ const SENSING: Material = Material::Powder {
     chi: 2.7,
     saturation_a_per_m: 510e3,
 };
-/// Spread of single sensors about the nominal one: a prior, as in the shipped designs.
+/// Relative spread of single sensors about the nominal sensor: a prior, as in the shipped designs.
 const SPREAD: f64 = 0.2;
 /// Intended deformations of the sensing layer, m, as in the shipped designs.
 const PRESS_M: [f64; 2] = [0.2e-3, 0.4e-3];
 /// Shares of the peak current for which the file lists the spring's rise.
 const SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
-/// Smallest cross-talk as a part of the computed one. The computation uses the differential
+/// Smallest cross-talk, relative to the computed one. The computation uses the differential
 /// permeability of the initial curve, which falls linearly with the field. The reversible
-/// permeability falls more slowly, so the true cross-talk is smaller. The reference designs allow a
-/// factor of two, and so does this.
+/// permeability falls more slowly, so the true cross-talk is smaller than the computed one. This
+/// allows a factor of two, as the reference designs do.
 const LEAST_CROSSTALK: f64 = 0.5;
 
 /// All figures behind the file, in SI units.

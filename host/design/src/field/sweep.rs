@@ -47,7 +47,7 @@ pub(super) struct Axis {
     count: usize,
 }
 
-/// Maximum number of points of a sweep: a day on two cores.
+/// Maximum number of points of a sweep: they take a day on two cores.
 const MOST: usize = 500_000;
 
 pub(super) fn range(text: &str) -> Result<(String, f64, f64), String> {

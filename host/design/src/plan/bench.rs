@@ -12,18 +12,18 @@ use super::information::Information;
 use super::line::TrainLine;
 use super::sensor::PlannedSensor;
 
-/// Standard deviation of a train's kappa by creep and memory, after its drifts, as a part of W: on
-/// 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15 to 0.2 % of W about the
-/// adjusted line, including noise and vibration (docs/decisions/0082-adjustment.md).
+/// Standard deviation of a train's kappa by what its fitted drifts leave of creep and memory,
+/// relative to W: on 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15 to 0.2 %
+/// of W about the adjusted line, including noise and vibration (docs/decisions/0082-adjustment.md).
 pub(super) const CREEP: f64 = 0.0015;
 /// Prior standard deviations of c_D0, stiffening and attraction, in the units of this module: wide,
-/// since the calibration uses no prior knowledge of them.
+/// since the calibration uses no prior knowledge of these quantities.
 const BEFOREHAND: f64 = 1.0;
-/// Prior standard deviations of the cross-talk and its growth, as parts of the cross-talk: the
-/// train without contact determines one, the load cell the other
+/// Prior standard deviations of the cross-talk and of its growth, relative to the cross-talk: the
+/// train without contact determines the cross-talk, the load cell its growth
 /// (docs/decisions/0082-adjustment.md).
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
-/// Cross-talk, as a part of the working depth, below which it is negligible.
+/// Cross-talk, relative to the working depth, below which it is negligible.
 const LEAST_CROSSTALK: f64 = 1e-4;
 /// Smallest change of the deformation on the block by the current, in units of the scatter of a
 /// sample, for which the calibration finds the stiffening (`Signal` of `palpate-calibration`).
@@ -44,7 +44,7 @@ pub struct PlannedBench<'s> {
     /// Lines of the trains, one for each depth.
     pub(super) lines: Vec<TrainLine>,
     trains: Vec<BenchTrain>,
-    /// Prior variances of the unknowns: quantities, then springs.
+    /// Prior variances of the unknowns: those of the quantities, then those of the springs.
     pub(super) beforehand: Vec<f64>,
     pub(super) information: Information,
 }
@@ -78,7 +78,7 @@ impl<'s> PlannedBench<'s> {
             for (load, kappa) in sensor.bench_loads.iter().enumerate() {
                 let mut row = vec![0.0; unknowns];
                 row.splice(..QUANTITIES, slopes(sensor, &line, *kappa));
-                // The block is first and has no error.
+                // The block is the first load and has no error.
                 if let Some(entry) = load
                     .checked_sub(1)
                     .and_then(|spring| row.get_mut(QUANTITIES + spring))
@@ -117,7 +117,7 @@ impl<'s> PlannedBench<'s> {
         let noise_m =
             self.conversions.relative_sigma * sensor.metres_per_relative_frequency(sensor.depth_m);
         let shaken_m = sensor.vibration_m / 2_f64.sqrt() / whole;
-        // The deformation rises with the stiffening, whose signal is negative.
+        // The deformation rises with the stiffening; the signal of the stiffening is negative.
         -signal / whole >= CLEAR * noise_m.hypot(shaken_m) / sensor.depth_m
     }
 
@@ -141,8 +141,8 @@ impl<'s> PlannedBench<'s> {
         information
     }
 
-    /// Variances of a press by the causes of the bench: errors of trains and springs, through the
-    /// least squares.
+    /// Variances of a press by the causes of the bench: errors of trains and springs, propagated
+    /// through the least squares of the calibration.
     pub(super) fn of_bench(&self, of_press: &[f64]) -> Option<[f64; Cause::ALL.len()]> {
         let gain = self.information.solve(of_press)?;
         let dot = |row: &[f64]| {

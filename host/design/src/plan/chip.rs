@@ -17,7 +17,7 @@ const SENSOR: Sensor = Sensor {
 pub struct Conversions {
     /// RCOUNT register.
     pub rcount: u16,
-    /// Relative standard deviation of a frequency.
+    /// Relative standard deviation of the frequency of one conversion.
     pub relative_sigma: f64,
 }
 

@@ -8,16 +8,18 @@ use super::line::TrainLine;
 
 /// Half-width of a 95 % interval, in standard errors.
 const NORMAL_975: f64 = 1.959_964;
-/// Deepest calibrated press over the deepest train, and shallowest press over the shallowest train:
-/// creep changes a depth by a twentieth.
+/// Depth of the deepest allowed press over that of the bench's deepest train, and depth of the
+/// shallowest allowed press over that of its shallowest train: creep changes a depth by a
+/// twentieth.
 const BEYOND_BENCH: f64 = 1.08;
 const WITHIN_BENCH: f64 = 0.95;
 
-/// Errors of the calibration's model, standard deviations as parts of W and of kappa. They are the
-/// excess of the errors of 15 sensors of [`ASSUMED_FROM`], at their bench's temperature, over all
-/// other causes (`cargo campaign efficiency --plants 16 --seed 830001 --bench-temperature`: 1.1,
-/// 1.6 and 4.5 % at 0.2, 1 and 5 c_S). They are assumed for other designs too (docs/stiffness.md).
-/// They include creep that ends before a train, and differences between stands.
+/// Standard deviations of kappa by errors of the calibration's model: one proportional to W, one
+/// proportional to kappa. They are the excess of the errors of 15 sensors of [`ASSUMED_FROM`], at
+/// their bench's temperature, over all other causes (`cargo campaign efficiency --plants 16 --seed
+/// 830001 --bench-temperature`: 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). They are assumed for other
+/// designs too (docs/stiffness.md). They include creep that ends before a train, and differences
+/// between stands.
 const MODEL: [f64; 2] = [0.0035, 0.007];
 /// Sensor design for which [`MODEL`] and [`CREEP`](super::bench::CREEP) were determined.
 pub(super) const ASSUMED_FROM: &str = "ultrasoft";
@@ -36,14 +38,14 @@ pub struct PlannedPress {
 pub struct ExpectedError {
     /// Load as c_L/c_S.
     pub load: f64,
-    /// Standard error of the estimate.
+    /// Standard error of ln(c_L) by all causes.
     pub standard_error_ln: f64,
-    /// Standard error by each of [`Cause::ALL`].
+    /// Standard error of ln(c_L) by each of [`Cause::ALL`].
     pub causes_ln: [f64; Cause::ALL.len()],
-    /// Reduction by exact knowledge of each calibrated quantity: root of the difference of the
-    /// variances.
+    /// Reduction of the standard error if each calibrated quantity were known exactly: root of the
+    /// difference of the variances.
     pub quantities_ln: [f64; QUANTITIES],
-    /// Half the width of the 95 % interval in ln(c_L); `None` where it has no upper end.
+    /// Half the width of the 95 % interval in ln(c_L); `None` where the interval has no upper end.
     pub half_width_ln: Option<f64>,
     /// Reason for which the instrument would refuse the press.
     pub refusal: Option<&'static str>,
@@ -178,7 +180,7 @@ impl PlannedBench<'_> {
     /// Variance of kappa by the temperature coefficients, at `away_k` kelvin from the bench.
     fn of_temperature(&self, line: &TrainLine, kappa: f64, away_k: f64) -> f64 {
         let known = &self.sensor.known;
-        // The coefficient applies to the rise; h changes by less.
+        // The temperature coefficient is that of the rise; h changes by less.
         let rise = self.sensor.rise(self.settings.peak_current_a.into());
         let of_stiffening =
             self.sensor.whole(kappa) * line.of.stiffening * known.rise_per_k / (1.0 + rise);

@@ -9,7 +9,7 @@ const WARM_ROOM_C: f64 = 30.0;
 /// Heat of the current with its ripple over that of the mean current
 /// (docs/decisions/0040-coil-drive.md).
 const RIPPLE: f64 = 1.02;
-/// Time step of the temperatures, s: a tenth of the shortest rise.
+/// Time step of the computed temperatures, s: a tenth of the shortest rise of the current.
 const STEP_S: f64 = 1e-3;
 
 /// Heat of a train.

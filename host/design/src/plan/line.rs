@@ -19,13 +19,13 @@ use super::sensor::PlannedSensor;
 /// Time from the touch to the train in use, s: a press is found steady after two to four tenths of
 /// a second, and then the coil is tested (docs/decisions/0008-misfit.md).
 const SINCE_TOUCH_S: f64 = 0.7;
-/// Points of each fall for the sums over signals and errors: four times as many change an error by
-/// vibration by 0.7 %, all others by 0.1 %.
+/// Points per fall in the sums over signals and errors: with four times as many, an error by
+/// vibration changes by 0.7 %, all others by 0.1 %.
 const POINTS: u32 = 24;
-/// Smallest number of conversions in a fall: a single ramp needs a level, a slope and a drift, and
-/// one more.
+/// Smallest number of conversions in a fall: three for the level, the slope and the drift of a
+/// single ramp, and one more.
 const LEAST_CONVERSIONS: u32 = 4;
-/// Step of the vibration frequency, Hz: the resolution of a train of a second.
+/// Step of the frequency in the sum over the vibration, Hz: the resolution of a train of a second.
 const VIBRATION_STEP_HZ: f64 = 1.0;
 
 /// A sample of a fall: time since the middle of the first rise, s, and current, A.
@@ -39,12 +39,13 @@ pub(crate) struct TrainLine {
     weights: Vec<f64>,
     /// Deformation of the sensing layer, m.
     pub(crate) deformation_m: f64,
-    /// Derivative of kappa over W for each quantity except c_D0.
+    /// Projections that give the derivatives of kappa with respect to each quantity except c_D0:
+    /// times W, those of the cross-talk and of its growth times W^2.
     pub(crate) of: Projections,
     /// Variance of P for white relative noise of the readings.
     pub(crate) conversions: f64,
-    /// Variance of P for a vibrating stand, times W^2: the sensing layer moves by the amplitude
-    /// over W.
+    /// Variance of P for a vibrating stand, times W^2: the sensing layer moves by the stand's
+    /// amplitude over W.
     pub(crate) vibration: f64,
 }
 
@@ -144,8 +145,8 @@ impl TrainLine {
     }
 }
 
-/// Points of each fall, evenly spaced in time and current. Sums over the conversions are
-/// proportional to sums over these points.
+/// Points of each fall, evenly spaced in time and current, in place of its conversions: sums over
+/// both are proportional.
 fn fall_points(settings: &Settings) -> Vec<FallPoint> {
     let [rise_s, hold_s, fall_s] =
         [settings.rise_s, settings.hold_s, settings.ramp_s].map(f64::from);

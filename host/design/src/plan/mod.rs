@@ -33,9 +33,9 @@ use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_cli::quantity::between;
 
-/// Default depth of the press.
+/// Default depth of the press, in units of the working depth.
 const DEPTH: f64 = 1.0;
-/// Default temperature difference from the bench, K.
+/// Default difference between the temperature of the press and that of the bench, K.
 const AWAY_K: f64 = 2.9;
 
 /// Compute the expected error of a press against the load's stiffness, what limits it, and the best train
@@ -213,7 +213,7 @@ impl Arguments {
 
     /// Loads of the chart: evenly spaced in the logarithm.
     fn fine_loads(&self) -> Vec<f64> {
-        /// Number of intervals of a line.
+        /// Number of intervals between the loads of a chart's line.
         const POINTS: u32 = 60;
         let ratio = self.load_to / self.load_from;
         let at = |point: u32| self.load_from * ratio.powf(f64::from(point) / f64::from(POINTS));

@@ -24,24 +24,27 @@ pub(crate) struct TrainChoice {
     pub(crate) peak_a: f32,
 }
 
-/// Tried values. Falls shorter than 40 ms are excluded: an elastomer with a lag of 10 ms would not
-/// have settled. Slower conversions are excluded: their noise is less, but at 250 Hz the errors of
-/// 13 sensors at the bench's temperature were 1.3 to 1.4 times those at 1 kHz, and two more presses
-/// were refused, since the current bends within a conversion.
+/// Values that the search tries for ramps, duration of a fall, rate and peak current. Falls shorter
+/// than 40 ms are excluded: an elastomer with a lag of 10 ms would not have settled. Conversions
+/// slower than 1 kHz are excluded: their noise is less, but at 250 Hz the errors of 13 sensors at
+/// the bench's temperature were 1.3 to 1.4 times those at 1 kHz, and two more presses were refused,
+/// since the current bends within a conversion.
 const RAMPS: [u8; 6] = [6, 8, 12, 16, 20, 24];
 const FALLS_S: [f32; 3] = [0.04, 0.06, 0.1];
 const RATES_HZ: [u16; 2] = [1_000, 2_000];
 const PEAKS_A: [f32; 3] = [8.0, 10.0, 12.0];
 
-/// Greatest peak as a share of the supply's current through the warm coil, and the warm coil's
-/// resistance over that at rest, as on the bench (host/simulate/src/instrument.rs).
+/// Greatest peak current, relative to the current that the supply drives through the warm coil, and
+/// resistance of the warm coil over that at rest, as on the bench
+/// (host/simulate/src/instrument.rs).
 const OF_SUPPLY: f64 = 0.95;
 const WARM: f64 = 1.2;
 
-/// Energy of a train, in units of the allowed energy, beyond which it is not computed.
+/// The errors of a train are not computed if its energy exceeds this multiple of the allowed
+/// energy.
 const FAR: f64 = 1.5;
 
-/// Loads, c_L/c_S, for the comparison of trains.
+/// Loads, c_L/c_S, at which trains are compared.
 pub(crate) const COMPARED: [f64; 3] = [0.2, 1.0, 5.0];
 
 /// The limit that a train exceeds.

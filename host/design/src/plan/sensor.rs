@@ -78,8 +78,8 @@ impl PlannedSensor {
         -self.ratio * rise / (1.0 + rise)
     }
 
-    /// Addition of the attraction of the layer's halves to h, at a current, A, and a deformation,
-    /// m.
+    /// Term that the attraction of the layer's halves adds to h, at a current, A, and a
+    /// deformation, m.
     pub fn attraction(&self, current_a: f64, deformation_m: f64) -> f64 {
         let pull_n = self.plant.attraction.n_per_a2 * current_a * current_a;
         let ratio = self.ratio + self.stiffening(current_a);

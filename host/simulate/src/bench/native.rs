@@ -66,7 +66,7 @@ impl Bench for NativeBench<'_> {
     }
 }
 
-/// Number of averaged readings for each force, block on block.
+/// Number of readings that are averaged for each force, block on block.
 const BARE_READINGS: u32 = 100;
 
 /// Presses block on block to a force. Returns force in N and position in m, each the mean of many

@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::press::{Claim, Press};
 
-/// An estimate is falsely confident if its error exceeds this number of its own standard errors
-/// and, in ln, [`BEYOND`].
+/// An estimate is falsely confident if its error exceeds this number of its own standard errors,
+/// and the size of ln(estimate/truth) exceeds [`BEYOND`].
 const STANDARD_ERRORS: f64 = 4.0;
 const BEYOND: f64 = 0.05;
 
@@ -22,10 +22,10 @@ pub struct Counted {
     pub bias_ln: Option<f64>,
     /// Part of the intervals that contain the truth.
     pub coverage95: Option<f64>,
-    /// Half of the median width, in ln.
+    /// Half of the intervals' median width, in ln.
     pub half_width_ln: Option<f64>,
-    /// Median half-width over the half-width that contains 95 % of all errors: that of the
-    /// narrowest intervals of one common width with the stated coverage.
+    /// Median half-width of the intervals, over the half-width that contains 95 % of all errors:
+    /// intervals of that one width are the narrowest that have the stated coverage.
     pub width_over_oracle: Option<f64>,
     /// Part of the estimates with an error above four of their own standard errors and above 5 %.
     pub false_confidence: Option<f64>,

@@ -199,7 +199,7 @@ impl Press {
         })
     }
 
-    /// A press that was left out because the check of the calibration failed.
+    /// A press that was not made because the check of the calibration failed.
     const fn left_out(world: World, ratio: f64, reason: String) -> Self {
         Self {
             world,

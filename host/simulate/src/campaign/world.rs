@@ -75,10 +75,10 @@ pub enum World {
     Steps,
 }
 
-/// Change of a quantity that differs by a fifth or a tenth.
+/// Relative change of a quantity in the worlds where it differs by a fifth or a tenth.
 const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
-/// Amplitude of a shaking stand, m; an interval missed the truth with it.
+/// Amplitude of a shaking stand, m: with this one an interval missed the truth.
 const SHAKEN_M: f64 = 3e-6;
 
 /// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).
@@ -113,7 +113,7 @@ const FRICTION: FrictionParameters = FrictionParameters {
     slip_n: 2e-3,
 };
 
-/// Jumps as large as a stand's shaking, some in every train, which takes 1.5 s.
+/// Jumps as large as the shaking of a stand, some in every train; a train takes 1.5 s.
 const JUMPS: Jumps = Jumps {
     size_m: SHAKEN_M,
     interval_s: 0.5,

@@ -131,8 +131,8 @@ pub(super) fn residuals(evaluation: &Evaluation) -> Chart {
     }
 }
 
-/// Force against the load's displacement relative to the middle of the ramps: the ramps do not show
-/// the displacement before.
+/// Chart of the force against the displacement of the load. The displacement is relative to the
+/// middle of the ramps, since the ramps do not show what it was before.
 pub(super) fn load_curve(measured: &Measured) -> Option<Chart> {
     let records = measured.pressed.records();
     let points: Vec<&LoadPoint> = records

@@ -11,7 +11,7 @@ use palpate_wire::code::{Contact, State};
 use crate::instrument::CalibratedInstrument;
 use crate::results::Measured;
 
-/// A sample of the line.
+/// A sample on the falls, as a point of the line of 1/x.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     /// Time since the start of the train, s.
@@ -20,7 +20,7 @@ pub(super) struct Point {
     pub(super) compliance: f64,
     /// 1/x without the drift, 1/m.
     pub(super) inverse_per_m: f64,
-    /// Deviation of x from the line, m.
+    /// Measured deformation x less the one that the fitted line of 1/x gives, m.
     pub(super) residual_m: f64,
 }
 

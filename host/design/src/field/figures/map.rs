@@ -10,7 +10,7 @@ use plotters::prelude::*;
 use super::picture::{FONT, LABEL, Picture, TITLE};
 use super::scale::{ColourScale, colour};
 
-/// Number of columns; three are half a millimetre of a 70 mm wide picture.
+/// Number of columns of the lattice; three of them are half a millimetre of a 70 mm wide picture.
 const COLUMNS: usize = 200;
 /// Number of field lines up to the greatest flux, for each sign.
 const LINES: i32 = 16;

@@ -136,7 +136,8 @@ impl Chart {
             .map_err(text)?;
         for ((name, points), colour) in sampled.into_iter().zip(COLOURS) {
             let style = colour.stroke_width(4);
-            // The line is cut at peaks on the corners of plates, which would compress the rest.
+            // The curve is cut off at peaks on the corners of plates, which would compress all
+            // other values.
             for shown in points.split(|(_, size)| *size > top) {
                 let line = LineSeries::new(shown.iter().copied(), style);
                 chart.draw_series(line).map_err(text)?;
@@ -158,8 +159,8 @@ impl Chart {
             .map_err(text)
     }
 
-    /// Upper limit of the chart: the greatest value in the middle of the core with a margin, since
-    /// plates carry hundreds of times as much.
+    /// Upper limit of the chart: the greatest value in the middle of the core, with a margin, since
+    /// in plates the field is hundreds of times as large.
     fn greatest(&self, sampled: &[(&str, Vec<(f64, f64)>)]) -> f64 {
         let middle = 0.5 * (self.core[0] + self.core[1]);
         let reach = 0.45 * (self.core[1] - self.core[0]);

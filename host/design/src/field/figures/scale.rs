@@ -7,11 +7,12 @@ use super::picture::{FONT, LABEL};
 
 /// Number of colour bands.
 const BANDS: i32 = 18;
-/// Share of the map's cells above the scale: edges of plates and copper, where the field is strongest.
+/// Share of the map's cells that may exceed the scale: edges of plates and copper, where the field
+/// is strongest.
 const ABOVE: f64 = 0.005;
-/// Share of the cells below it.
+/// Share of the map's cells that may be below the scale.
 const BELOW: f64 = 0.05;
-/// Smallest and largest span of the scale, decades.
+/// Smallest and largest span of the scale, in decades.
 const DECADES: [f64; 2] = [1.0, 4.0];
 
 /// A logarithmic scale that shows nearly all of a map.
