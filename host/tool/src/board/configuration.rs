@@ -17,7 +17,7 @@ const RECORD_S: f64 = 5.0;
 const PART: Duration = Duration::from_secs(5);
 /// Longest time of one receive call.
 const POLL: Duration = Duration::from_millis(10);
-/// Numbers of converters and channels that a board may have.
+/// Greatest numbers of converters, and of channels of a converter, that a board may have.
 const SENSORS: u8 = 2;
 const CHANNELS: u8 = 4;
 

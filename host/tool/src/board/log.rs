@@ -8,7 +8,7 @@ use defmt_decoder::{DecodeError, Frame, Table};
 use palpate_cli::failure::Failure;
 use palpate_cli::{notice, text};
 
-/// Start of an ELF file.
+/// First bytes of an ELF file.
 const ELF: &[u8] = b"\x7fELF";
 
 /// Whether the log is shown, and what reads it.

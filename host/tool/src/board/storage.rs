@@ -7,7 +7,8 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// Longest save, s: erasing sixteen sectors, 0.4 s each at most, and writing their items.
+/// Longest duration of a save, s: erasing sixteen sectors takes 0.4 s each at most, and their items
+/// are written.
 const SAVE_S: f64 = 15.0;
 /// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;

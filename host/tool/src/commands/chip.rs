@@ -116,19 +116,20 @@ impl FaultKind {
 /// Duty of the simulated comparator. The driver's configuration contains it, as on a calibrated
 /// board.
 const COMPARATOR_DUTY: f32 = 0.29;
-/// Shortest time of a sweep between the middle and the top of the range, s.
+/// Shortest time in which a sensor sweeps between the middle and the top of its range, s.
 const SWEEP_S: f64 = 1.618_034;
-/// Largest change of a sensor's frequency within a third of its period, as a part of the stated
-/// uncertainty. The mean between the counted edges and that of the whole conversion may differ by
-/// this time.
+/// Largest change of a sensor's frequency within a third of its period, relative to the stated
+/// uncertainty of a reading. The mean between the counted edges and the mean over the whole
+/// conversion may belong to times that differ by a third of a period.
 const MOTION: f64 = 0.2;
-/// Number of consecutive recoveries before the verb gives up: 50 of at least 5 ms, a quarter of a
-/// second.
+/// The verb gives up after this many consecutive recoveries: 50 take 5 ms each or more, together a
+/// quarter of a second.
 const RECOVERIES: u32 = 50;
-/// Time after which the bus master gives up on a low line, a few times a transfer.
+/// Time after which the bus master gives up on a line that stays low: a few times that of a
+/// transfer.
 const BUS_DEADLINE: Time = Time::from_ms(1);
-/// Number of frames between comparisons of one register, where the bus has time: 48 bit times, and
-/// 20 us of the master for both transfers.
+/// One register is compared after each of this many frames, if the bus has time for it: 48 bit
+/// times, and 20 us of the master for both transfers.
 const FRAMES_PER_CANARY: u32 = 8;
 const CANARY_BITS: u64 = 48;
 const CANARY_MASTER_NS: u64 = 20_000;
@@ -248,7 +249,7 @@ fn coils(board: &PlannedBoard, plan: &Plan) -> Coils {
     }
 }
 
-/// Whether there is time to read a register between two frames.
+/// Whether the bus has time to read a register between two frames.
 fn has_room(plan: &Plan, bus_hz: u32) -> bool {
     let register_ns = CANARY_BITS * 1_000_000_000 / u64::from(bus_hz) + CANARY_MASTER_NS;
     plan.frame_period_ns >= plan.frame_read_ns + register_ns
@@ -264,7 +265,7 @@ struct ChipSession<'a> {
     bus: Bus<'a, Coils>,
     /// What releases the interrupt of this chip, as the driver found.
     release: InterruptRelease,
-    /// Whether there is time for a register between two frames.
+    /// Whether the bus has time to read a register between two frames.
     has_room: bool,
 }
 

@@ -51,7 +51,7 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Duration of a recording read at once.
+/// Duration of the part of a recording that is read at once.
 const PLAYED: Duration = Duration::from_millis(10);
 /// Default load of the emulated board, in units of the sensing layer's stiffness.
 const USUAL_LOAD: f64 = 1.0;

@@ -15,7 +15,7 @@ pub(crate) struct Law {
     /// c_S/c_D0.
     ratio: f64,
     attraction_n_per_a2: f64,
-    /// Current, A, and relative rise of the actuated spring.
+    /// Knots of the curve: current, A, and relative rise of the actuated spring.
     rise: Vec<(f64, f64)>,
 }
 

@@ -1,5 +1,5 @@
-//! Line of the last train: 1/x against the actuated layer's compliance; its zero is that of the
-//! load.
+//! Line of the last train: 1/x against the actuated layer's compliance g, in units of the sensing
+//! layer's. The line is zero at g = -(1 + kappa), which gives the load.
 //!
 //! The points are the board's samples. The line is fitted here, in `f64` and by the code of the
 //! calibration's bench, so it is independent of the board's own arithmetic, whose result is shown
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 /// Number of kept samples of a train: 20 s at 1 kHz, twenty times the default train.
 const KEPT: usize = 20_000;
-/// Maximum number of drawn points; more would overlap.
+/// Maximum number of points that are drawn; more would overlap.
 const DRAWN: usize = 600;
 
 /// A measured point with the value of the line.

@@ -24,13 +24,13 @@ use crate::interrupt::Interrupt;
 pub(crate) struct LinkedBench<'l> {
     link: &'l mut Link,
     plant: &'l Parameters,
-    /// Temperature above that of the calibration, K.
+    /// Temperature of the bench above that of the calibration, K.
     warmer_k: f64,
     bare: BareRig,
     interrupt: Interrupt,
 }
 
-/// The bench has all disturbances.
+/// Disturbances of the simulated bench: all.
 const SWITCHES: Switches = Switches::all();
 
 impl<'l> LinkedBench<'l> {
@@ -130,7 +130,7 @@ impl Instrument for LinkedInstrument<'_> {
     ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         let left_s = end.as_secs_f64() - self.now().as_secs_f64();
-        // The lower limit also ends the wait for a rounding remainder.
+        // The lower limit also ends the wait when rounding leaves a remainder of the time.
         let wait = Duration::from_secs_f64(left_s.clamp(LEAST_S, LONGEST_S));
         self.link.listen(wait)?;
         let arrivals = self.link.take();
@@ -163,13 +163,14 @@ impl Instrument for LinkedInstrument<'_> {
     }
 }
 
-/// The last readings of the gauges with the device's time, s. A sample arrives late, so the gauges'
-/// readings at its time are interpolated between two of them.
+/// The last readings of the gauges, each with the device's time, s. A sample of the board arrives
+/// after it was taken, so the gauges' readings at its time are interpolated between two of these.
 #[derive(Default)]
 struct Readings(VecDeque<(f64, RigReading)>);
 
 impl Readings {
-    /// Number of kept readings: a tenth of a second, much longer than the delay of a record.
+    /// Number of readings that are kept: those of a tenth of a second, much longer than the delay
+    /// of a record.
     const KEPT: usize = 100;
 
     fn push(&mut self, reading: (f64, RigReading)) {

@@ -9,12 +9,12 @@ use palpate_sim::world::World;
 use super::flash_file::FlashFile;
 use super::touch::Touch;
 
-/// Longest time until the enumeration.
+/// Longest time from power-on until the board is enumerated on USB.
 const STARTED: Time = Time::from_ms(500);
-/// Longest time from the answer to the command until the boot loader runs.
+/// Longest time from the answer to the command for the boot loader until the boot loader runs.
 const BOOT_LOADER: Time = Time::from_ms(500);
 
-/// Channel of the debug probe for the image's log (docs/firmware.md, links).
+/// RTT channel of the debug probe that carries the image's log (docs/firmware.md, links).
 const LOG: u32 = 0;
 
 /// The emulated board. A program opens and closes its serial port as on a PC.

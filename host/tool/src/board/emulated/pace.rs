@@ -4,14 +4,15 @@ use std::time::{Duration, Instant};
 
 use palpate_sim::Time;
 
-/// Lag before a warning; a PC's own pauses are shorter.
+/// A warning follows when virtual time lags behind real time by more than this; a PC's own pauses
+/// are shorter.
 const BEHIND: Duration = Duration::from_secs(1);
 
 /// Synchronisation of virtual with real time.
 pub(crate) struct Pace {
     /// Real time at virtual time zero, corrected by all lags.
     began: Instant,
-    /// Real time lost so far.
+    /// Real time lost so far by lags beyond [`BEHIND`].
     lost: Duration,
     warned: bool,
 }

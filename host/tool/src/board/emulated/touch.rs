@@ -14,8 +14,9 @@ use palpate_simulate::instrument::SPEED_M_PER_S;
 const CLEARANCE_M: f64 = 0.5e-3;
 /// Initial time without contact, longer than the baseline.
 const UNTOUCHED: Time = Time::from_ms(3_000);
-/// Lifted time between two presses. The elastomer creeps back: of 350 µm there are 9 left after 3
-/// s, and the board ends a contact below `release_m`, 5 µm by default.
+/// Time for which the object is lifted between two presses. The elastomer creeps back: of a
+/// deformation of 350 µm, 9 µm are left after 3 s, and the board ends a contact below `release_m`,
+/// 5 µm by default.
 const LIFTED: Time = Time::from_ms(8_000);
 /// Pressed time: settling, train and result.
 const PRESSED: Time = Time::from_ms(5_000);

@@ -58,10 +58,11 @@ fn speed(text: &str) -> Result<Speed, String> {
         .map_err(|allowed| format!("{allowed}, or max"))
 }
 
-/// Limits of the speed: one sample of 1 kHz per second, and more than any computer reaches.
+/// Limits of the speed: at the slowest, one sample of a 1 kHz recording is played per second; the
+/// fastest is more than any computer reaches.
 const SLOWEST: f64 = 0.001;
 const FASTEST: f64 = 1e6;
-/// Endings of recordings: complete, and while they are written.
+/// Endings of the names of recordings: of complete ones, and of those that are being written.
 const RECORDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
 
 /// A parsed board name.

@@ -6,7 +6,8 @@
 
 use std::time::Duration;
 
-/// Largest relative drift between the clocks: two crystals of 30 ppm each, and their temperature.
+/// Largest relative drift between the clocks of device and computer: two crystals of 30 ppm each,
+/// and the effect of temperature on both.
 const DRIFT: f64 = 100e-6;
 
 /// Offset of the device's clock from this computer's, within one boot of the device.
@@ -19,7 +20,7 @@ pub(crate) struct DeviceClock {
 /// Offset by the best exchange so far.
 #[derive(Clone, Copy, Debug)]
 struct Offset {
-    /// Computer time less device time, s.
+    /// Time of the computer's clock less time of the device's clock, s.
     offset_s: f64,
     /// Uncertainty of `offset_s`, s.
     within_s: f64,
@@ -56,7 +57,8 @@ impl DeviceClock {
         self.boot_id
     }
 
-    /// Computer time less device time, and its uncertainty, both s. `None` before the first answer.
+    /// Time of the computer's clock less time of the device's clock, and the uncertainty of this
+    /// offset, both s. `None` before the first answer.
     pub(crate) fn offset_s(&self) -> Option<(f64, f64)> {
         self.offset.map(|of| (of.offset_s, of.within_s))
     }

@@ -10,11 +10,12 @@ use palpate_sim::Time;
 use super::transport::Transport;
 use crate::board::emulated::{Pace, PluggedBoard};
 
-/// Time between two polls of the port.
+/// Emulated time between two polls of the port.
 const SLICE: Time = Time::from_us(250);
 
-/// Longest time from the first question to the identity: 190 ms pass from power on until the image answers
-/// (`palpate settings get --board emulated`), and half a second takes up to 5 s of processor time.
+/// Longest emulated time from the first question to the identity: from power-on 190 ms pass until
+/// the image answers (`palpate settings get --board emulated`), and emulating half a second takes
+/// up to 5 s of processor time.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Connection to the emulated board.

@@ -39,7 +39,7 @@ use clock::DeviceClock;
 use transport::{PATIENCE, Transport};
 pub(crate) use watched::Watched;
 
-/// Interval of the requests for the identity while a board starts.
+/// While a board starts, its identity is requested again after this time.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Longest time of one receive call.
 const POLL: Duration = Duration::from_millis(10);
@@ -48,9 +48,10 @@ pub(crate) const KEEP_ALIVE_S: f64 = 0.04;
 /// Message of a port's server to a second program, before it closes the connection. It ends like a
 /// frame, so that a decoder finds the next one.
 pub(crate) const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
-/// Number of kept bytes before the board's identity, for error messages: more than a line.
+/// Number of bytes received before the board's identity that are kept for error messages: more than
+/// a line.
 const FIRST_BYTES: usize = 160;
-/// Longest restart of a board, including its USB port.
+/// Longest time for a board to restart, including its USB port.
 const RESTART: Duration = Duration::from_secs(10);
 
 /// A frame with its arrival time by the link's clock.
@@ -73,7 +74,7 @@ pub(crate) struct Link {
     clock: DeviceClock,
     hello: Option<Hello>,
     received: Vec<Arrival>,
-    /// First bytes since the request for the identity.
+    /// First bytes received since the request for the identity.
     first: Vec<u8>,
     /// Another version of the protocol, if received.
     other_version: Option<u8>,
@@ -376,7 +377,7 @@ impl Link {
 
     /// Prints the received log, if requested.
     fn show_log(&mut self, at: Duration) {
-        // Always read, since the log would grow.
+        // The log is read even if it is not shown, since it would grow otherwise.
         let bytes = self.transport.take_log();
         let Some(log) = &mut self.log else {
             return;

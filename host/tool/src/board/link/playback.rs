@@ -15,8 +15,8 @@ use palpate_wire::{Message, Record, encode};
 use super::transport::Transport;
 use crate::recording::{Entry, Note, Reader, Recorded};
 
-/// Longest gap that is played: a recorded board sends several records a second, and a longer
-/// unplugged time is skipped.
+/// Gaps between two records that are longer are skipped, as when the board was unplugged: a
+/// recorded board sends several records a second.
 const LONGEST_GAP: Duration = Duration::from_secs(600);
 
 /// A recording during playback.

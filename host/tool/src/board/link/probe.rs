@@ -22,11 +22,12 @@ const CORE: usize = 0;
 const LOG: usize = 0;
 const RECORDS: usize = 1;
 const COMMANDS: usize = 0;
-/// Memory that is searched for the channels.
+/// Memory of the chip that is searched for the RTT channels.
 const MEMORY: std::ops::Range<u64> = 0x2000_0000..0x2004_2000;
 /// Start of the flash.
 const FLASH: u64 = 0x1000_0000;
-/// Longest wait for the channels: the firmware copies itself to memory within 20 ms.
+/// Longest wait until the RTT channels are found: the firmware copies itself to memory within 20
+/// ms.
 const START: Duration = Duration::from_secs(2);
 /// Longest wait for space in the command channel.
 const ROOM: Duration = Duration::from_secs(2);

@@ -15,7 +15,7 @@ const PRODUCT: u16 = 0x0001;
 const NAME: &str = "palpate";
 /// A USB serial port ignores the baud rate, but the library needs one.
 const BAUD: u32 = 115_200;
-/// Maximum number of bytes read at once: those of a full-speed port in 10 ms.
+/// Maximum number of bytes read at once: as many as a full-speed port carries in 10 ms.
 const CHUNK: usize = 16 * 1024;
 /// Timeout of a write: a running board accepts its bytes within milliseconds.
 const WRITE: Duration = Duration::from_secs(2);

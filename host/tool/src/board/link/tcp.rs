@@ -10,7 +10,7 @@ use super::transport::{Clock, Transport};
 
 /// Timeout of a connection.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Poll interval of a probe's server, which itself polls every 10 ms.
+/// Interval at which the tool polls a debug probe's server; the server itself polls every 10 ms.
 const POLL: Duration = Duration::from_millis(1);
 /// Maximum number of bytes read at once.
 const CHUNK: usize = 16 * 1024;

@@ -3,8 +3,8 @@
 use std::io;
 use std::time::{Duration, Instant};
 
-/// Longest wait for a board's answer. The board itself waits for a test of the coil; a probe's
-/// server polls every 10 ms.
+/// Longest wait for a board's answer. A board waits for a test of its coil before it answers, and
+/// the server of a debug probe polls every 10 ms.
 pub(super) const PATIENCE: Duration = Duration::from_secs(5);
 
 /// An open connection to a board. [`reopen`](Self::reopen) opens it again after a failed read or
@@ -31,8 +31,8 @@ pub(crate) trait Transport {
         Vec::new()
     }
 
-    /// Longest time from the first question to the board's identity. A board that was reset enumerates on
-    /// USB and tests its coil first.
+    /// Longest time from the first question to the board's identity. After a reset a board first
+    /// enumerates on USB and tests its coil.
     fn patience(&self) -> Duration {
         PATIENCE
     }

@@ -24,7 +24,7 @@ pub(super) mod register {
 pub(super) const ACTIVE: u16 = 0x1601;
 /// CONFIG: sleep.
 pub(super) const SLEEP: u16 = 1 << 13;
-/// CONFIG.RP_OVERRIDE_EN: without it the converter finds the drive itself.
+/// CONFIG.RP_OVERRIDE_EN: drive as written; without it the converter finds the drive itself.
 pub(super) const OWN_DRIVE: u16 = 1 << 12;
 /// ERROR_CONFIG: conversion errors in DATA, INTB at a result.
 pub(super) const REPORTS: u16 = 0xF801;
@@ -41,7 +41,7 @@ const EDGE_MS: u8 = 100;
 /// The clock that the image divides for CLKIN, Hz.
 const CORE_HZ: f64 = 200e6;
 
-/// Segments of a transaction that reads STATUS and DATA, which releases INTB in any case.
+/// Segments of a transaction that reads STATUS and DATA; after both, INTB is released in any chip.
 const FRAME: [u8; 9] = [
     1,
     register::STATUS,

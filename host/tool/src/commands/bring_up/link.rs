@@ -11,7 +11,7 @@ use palpate_emulator::{EmulatedBoard, Still, Time};
 
 /// Channel of the probe, in both directions.
 const CHANNEL: u32 = 0;
-/// Longest wait for an answer, s: 200 edges take 0.7 s, and a probe may be slow.
+/// Longest wait for an answer, s: a request for 200 edges takes 0.7 s, and a probe may be slow.
 const PATIENCE_S: u64 = 30;
 /// Poll interval of an emulated board.
 const POLL: Time = Time::from_us(20);

@@ -173,8 +173,8 @@ impl Arguments {
 /// Smallest number of springs. The adjusted quantities affect the loads of all trains together; with fewer
 /// springs and a block the fit has no redundancy.
 const LEAST_SPRINGS: usize = 4;
-/// Smallest ratio of the stiffest to the softest spring: only different loads separate the
-/// unknowns.
+/// Smallest ratio of the stiffest spring to the softest: only different loads separate the unknowns
+/// of the fit.
 const LEAST_RANGE: f64 = 5.0;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -350,10 +350,11 @@ fn session(
     })
 }
 
-/// Longest wait for a status, which follows at once and then comes every second, s.
+/// Longest wait for a status record, s: the board sends one at once after its identity, then one
+/// every second.
 const STATUS_S: f64 = 5.0;
-/// Temperature stated for a board without a thermometer, degrees Celsius; such a board does not
-/// correct for it either.
+/// Temperature that is stated for a board without a thermometer, degrees Celsius; such a board does
+/// not correct for the temperature either.
 const ROOM_C: f64 = 25.0;
 
 /// Describes the specimen and depth of a run.

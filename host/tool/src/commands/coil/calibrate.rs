@@ -58,22 +58,23 @@ pub(crate) struct Arguments {
 /// Number of currents on either side of zero, and of checks between them.
 const STEPS: i32 = 12;
 const CHECKS: i32 = 6;
-/// Amplitude of the sweep about a current, A, so that a wide code of the converter (eight codes, 52
-/// mA) has no more effect than in use. A meter that averages over a tenth of a second, not over
-/// whole sweeps, is then off by 6 mA at most.
+/// Amplitude of the sweep about a current, A: so wide that a wide code of the converter (eight
+/// codes, 52 mA) has no more effect than in use. A meter that averages over a tenth of a second,
+/// not over whole sweeps, is then off by 6 mA at most.
 const ABOUT_A: f64 = 0.06;
-/// Duration of the sweep in one direction, and settling time of the current before it, s.
+/// Duration of the sweep in one direction, and time before it in which the current settles, s.
 const SWEEP_S: f64 = link::KEEP_ALIVE_S;
 const SETTLE_S: f64 = 0.01;
-/// Margin at both ends for conversions that lie within the sweep, s: one conversion of 1 ms.
+/// Time at both ends of a sweep that is not evaluated, s: one conversion of 1 ms, so that all
+/// evaluated conversions lie within the sweep.
 const EDGE_S: f64 = 1e-3;
-/// Continuous power of the coil, W, with a margin: the paper's continuous rating is 3 A in 0.39
-/// ohm.
+/// Power at which the coil can be driven continuously, W, with a margin: the paper states 3 A
+/// continuously in 0.39 ohm.
 const CONTINUOUS_W: f64 = 3.0;
-/// Energy of one reading, J, within the 60 J that the firmware allows, including the heat left from
-/// before.
+/// Greatest energy of one reading, J: together with the heat left from earlier readings it stays
+/// within the 60 J that the firmware allows.
 const MOST_J: f64 = 40.0;
-/// Longest reading of a reference, s.
+/// Longest time that a reference may take for a reading, s.
 const PATIENCE_S: f64 = 5.0;
 
 /// Setpoint, measured and true current.

@@ -53,17 +53,19 @@ pub(crate) struct Arguments {
 
 /// Longest wait for the self-test, s; it takes at most a fifth of a second.
 const TEST_S: f64 = 5.0;
-/// Sampling interval of a step, s: every period of the bridge.
+/// Sampling interval of a step's record, s: one period of the bridge.
 const STEP_INTERVAL_S: f32 = 16e-6;
-/// Longest wait for the parts of a record, s; they take two milliseconds plus the delay of a probe.
+/// Longest wait for all parts of a step's record, s; sending them takes two milliseconds plus the
+/// delay of a probe.
 const RECORD_S: f64 = 5.0;
 /// Duration of a ramp, as in a measurement, s.
 const RAMP_S: f32 = 0.06;
-/// End of the ramp as a part of the step's current.
+/// Current at the end of the ramp, relative to that of the step.
 const RAMP_ENDS: f64 = 0.2;
-/// Hold before the ramp, s.
+/// Time for which the current is held before the ramp, s.
 const HOLD_S: f64 = 0.03;
-/// Step as a part of the supply's current through the resistance; the rest is for regulation.
+/// Greatest current of the step, relative to the current that the supply drives through the coil's
+/// resistance: the remaining voltage is for regulation.
 const OF_SUPPLY: f64 = 0.8;
 
 /// Results.
@@ -186,8 +188,8 @@ fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Resu
     }))
 }
 
-/// Current that wakes the bridge, A, and longest time for it, s, which is the length of a step's
-/// record. The current is within the noise of zero current.
+/// Current that wakes the bridge before a step, A, and time within which the bridge wakes, s, which
+/// is the length of a step's record. The current is within the noise of a reading at zero current.
 const WAKING_A: f64 = 0.05;
 const WAKING_S: f64 = 0.005;
 

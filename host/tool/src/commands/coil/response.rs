@@ -46,20 +46,21 @@ impl Traced {
     }
 }
 
-/// Noise of the current in one period, A, from the worst of the wide codes of the RP2040's
+/// Noise of the current read in one period, A, by the widest of the wide codes of the RP2040's
 /// converter (erratum E11: eight codes, half of them to either side, 6.4 mA each).
 const NOISE_A: f64 = 0.052;
-/// Greatest duty of the bridge; its upper switches need the rest of the period.
+/// Greatest duty of the bridge; its upper switches need the remaining part of the period.
 const DUTY: f64 = 0.98;
-/// Tolerance of the coil's own drive from the setpoint, relative: its own reading does not show
-/// offset and nonlinearity of the uncalibrated measurement.
+/// Greatest relative deviation of the settled current from the setpoint. Both are by the board's
+/// own reading, which does not show the offset and the nonlinearity of an uncalibrated measurement.
 const SETTLED: f64 = 0.01;
-/// Limits promised in docs/firmware.md.
+/// Limits of overshoot and nonlinearity that docs/firmware.md promises, relative.
 const OVERSHOOT: f64 = 0.02;
 pub(super) const NONLINEARITY: f64 = 0.005;
-/// Evaluated part of a ramp: conversions at its ends average beyond it.
+/// Part of a ramp that is evaluated: conversions at the ends of a ramp average over currents
+/// outside of it.
 const MIDDLE: [f64; 2] = [0.05, 0.95];
-/// Smallest number of conversions of a ramp.
+/// Smallest number of conversions in a ramp for an evaluation.
 const LEAST: usize = 10;
 
 /// A step from rest.
@@ -68,10 +69,10 @@ pub(super) struct StepResponse {
     pub(super) to_a: f64,
     /// Start of the step in the record's time, s.
     pub(super) begins_s: f64,
-    /// Rise from the start to 90 %, and the shortest possible with this circuit, s.
+    /// Rise time from the start to 90 %, and the shortest rise time possible with this circuit, s.
     pub(super) rise_s: f64,
     pub(super) shortest_rise_s: f64,
-    /// Overshoot as a part of the final current.
+    /// Overshoot, relative to the setpoint.
     pub(super) overshoot: f64,
     /// Mean of the second half of the record, A.
     pub(super) settled_a: f64,
@@ -121,7 +122,7 @@ impl StepResponse {
         })
     }
 
-    /// Longest allowed rise; contains one period by which a record may miss the start.
+    /// Longest allowed rise time; includes one period by which a record may miss the start.
     pub(super) fn longest_rise_s(&self) -> f64 {
         self.shortest_rise_s + 3.0 * self.interval_s
     }

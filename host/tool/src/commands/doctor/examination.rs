@@ -9,13 +9,15 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// Time of listening, s: the sensor's self-test is over, and a cleared fault has come again. Every
-/// automatic check of the firmware takes place within a second (docs/faults.md).
+/// Time for which the board is listened to, s: long enough for the sensor's self-test to end and a
+/// cleared fault to come again. Every automatic check of the firmware takes place within a second
+/// (docs/faults.md).
 pub(super) const LISTEN_S: f64 = 2.0;
 /// Longest delay of records after the answer to their command, s.
 const RECORDS_S: f64 = 0.2;
 
-/// Parts that a measurement of stiffness needs, beside a law or a curve of the stiffening.
+/// Parts of the calibration that a measurement of stiffness needs, in addition to a law or a curve
+/// of the stiffening.
 const NEEDED: [Part; 6] = [
     Part::Tank,
     Part::DeformationCurve,

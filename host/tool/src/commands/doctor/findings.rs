@@ -234,8 +234,8 @@ fn of_calibration(found: &Examination) -> Option<Finding> {
     ))
 }
 
-/// The baseline takes half a second: a sensor that is still settling after two reads below the rest
-/// of its calibration.
+/// The baseline takes half a second: a sensor whose contact is still settling after two seconds
+/// reads below the rest of its calibration.
 fn of_contact(sample: &Sample) -> Option<Finding> {
     let channel = sample.channels.first()?;
     let deformation_m = channel.deformation_m?;

@@ -1,8 +1,8 @@
 //! UF2 files for the tests, written from the specification; shares nothing with the reader.
 
 /// The boot ROM's checksum of the first 252 bytes below, as the SDK computes it (pico-sdk,
-/// `pad_checksum`): Python's `zlib.crc32` of the bytes with reversed bits, inverted, with reversed
-/// bits.
+/// `pad_checksum`): reverse the bits of each byte, take Python's `zlib.crc32`, invert it, and
+/// reverse its 32 bits.
 const CHECKSUM: u32 = 0x16A7_D4C0;
 
 /// Firmware of a size, whose first 256 bytes end with their checksum.

@@ -10,7 +10,7 @@ const PAYLOAD: u32 = 256;
 const FIRST_MAGIC: u32 = 0x0A32_4655;
 const SECOND_MAGIC: u32 = 0x9E5D_5157;
 const LAST_MAGIC: u32 = 0x0AB1_6F30;
-/// Offsets of words in a block.
+/// Offsets of a block's last word and of its data.
 const LAST_WORD: usize = 508;
 const DATA: usize = 32;
 /// The only flag of every block: it names a family.
@@ -28,7 +28,7 @@ const OTHERS: &[(u32, &str)] = &[
 const FIRMWARE: Range<u32> = 0x1000_0000..0x101F_0000;
 /// Addresses of settings and calibration (docs/decisions/0071-what-runs-from-flash.md).
 const STORAGE: Range<u32> = 0x101F_0000..0x1020_0000;
-/// Size of the second stage of the boot loader, bytes, with its checksum in the last four
+/// Size of the second stage of the boot loader, bytes; its last four bytes are its checksum
 /// (datasheet 2.8.1.3.1).
 const SECOND_STAGE: usize = 256;
 const CHECKSUM: usize = 252;

@@ -9,10 +9,10 @@ use palpate_calibration::session::BenchSample;
 use palpate_wire::record::Sample;
 use serde::Serialize;
 
-/// Duration of a slot, s. A page 1600 pixels wide shows 20 s on 700 pixels, 29 ms each.
+/// Duration of a slot, s. A page 1600 pixels wide shows 20 s on 700 pixels, so a pixel is 29 ms.
 const PIECE_S: f64 = 0.01;
-/// Maximum number of slots that wait for the next batch. At 30 batches a second there are 4; a
-/// stream that catches up after a pause has more, and loses the oldest.
+/// Maximum number of slots that wait for the next batch. At 30 batches a second 4 slots wait; when
+/// the stream catches up after a pause more wait, and the oldest beyond this number are lost.
 const PIECES: usize = 512;
 
 /// Plotted quantity.

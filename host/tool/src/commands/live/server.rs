@@ -41,10 +41,10 @@ const REQUEST_TIME: Duration = Duration::from_secs(10);
 const PAGE_TIME: Duration = Duration::from_secs(30);
 /// Longest head of a request, bytes.
 const LONGEST_HEAD: usize = 16 * 1024;
-/// Longest message of a page, bytes: a word or two.
+/// Longest message from a page, bytes: such a message is a word or two.
 const LONGEST: usize = 1024;
-/// Maximum number of bytes that wait for a page: four times the longest message, the list of
-/// measurements.
+/// Maximum number of bytes that wait for a page: four times the longest message to a page, which is
+/// the list of measurements.
 const WAITING: usize = 1024 * 1024;
 
 /// Restrictions for the browser: nothing leaves this computer, and no other page embeds this one.

@@ -19,8 +19,8 @@ use crate::interrupt::Interrupt;
 
 /// Longest time of one receive call, which is also the delay of the pages' requests.
 const POLL: Duration = Duration::from_millis(10);
-/// Silence after which the board is asked for its identity: without samples a board sends its
-/// status every second by default.
+/// Silence of a board after which it is asked for its identity: even without samples a board sends
+/// its status every second by default.
 const QUIET: Duration = Duration::from_secs(3);
 /// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;

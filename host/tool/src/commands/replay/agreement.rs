@@ -19,9 +19,9 @@ const KINDS: [(&str, &str); 5] = [
 /// Counts of one kind of record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(super) struct Count {
-    /// Recomputed records.
+    /// Number of records that the replay recomputed.
     pub(super) replayed: u64,
-    /// Recomputed records with identical bytes.
+    /// Number of recomputed records whose bytes equal those of the recording.
     pub(super) identical: u64,
     /// Skipped records.
     pub(super) passed_over: u64,

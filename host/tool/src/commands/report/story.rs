@@ -13,9 +13,10 @@ use crate::recording::date::NS_PER_S;
 use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
 use crate::train_line::{Train, TrainLine};
 
-/// Shown time before a measurement's result, s: from before the touch, for a short press.
+/// Time before a measurement's result that its charts show, s: for a short press it begins before
+/// the touch.
 const BEFORE_S: f64 = 3.0;
-/// Shown time after the result, s.
+/// Time after a measurement's result that its charts show, s.
 const AFTER_S: f64 = 0.5;
 
 /// The shown parts of a recording.

@@ -19,9 +19,10 @@ use crate::board::emulated::{self, Pace, PluggedBoard};
 
 /// Default address.
 const ADDRESS: &str = "127.0.0.1:7161";
-/// Virtual time between two polls of the port, the poll interval of a PC's USB.
+/// Virtual time between two polls of the port: the poll interval of a PC's USB.
 const SLICE: Time = Time::from_ms(1);
-/// Shortest sleep: most systems wake a thread with a delay of up to this time.
+/// Sleeps shorter than this are left out: most systems wake a thread with a delay of up to this
+/// time.
 const LEAST_SLEEP: Duration = Duration::from_millis(1);
 
 /// Offer the emulated board's USB port on a TCP port, at the pace of real time

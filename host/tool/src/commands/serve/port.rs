@@ -20,9 +20,9 @@ const WAITING: usize = 64 * 1024;
 
 /// End of a frame; occurs nowhere else in it.
 const DELIMITER: u8 = 0;
-/// Maximum number of bytes before a program's first delimiter: no frame is longer.
+/// Maximum number of bytes before a program's first delimiter: no frame is longer than this.
 const LONGEST_OPENING: usize = CHUNK;
-/// Text in the first line of an HTTP request.
+/// Text that the first line of every HTTP request contains.
 const HTTP: &[u8] = b" HTTP/";
 
 /// The port with the connected program.

@@ -16,9 +16,9 @@ use palpate_sim::switches::Switches;
 
 use crate::board::emulated::PluggedBoard;
 
-/// Interval of readings.
+/// Interval between two readings of a gauge.
 const INTERVAL: Time = Time::from_ms(5);
-/// Initial position of the stage block on block, m.
+/// Position of the stage, block on block, at the start, m.
 const BARE_START_M: f64 = -10e-6;
 /// Maximum number of bytes that wait for a program; a program that does not read is gone.
 const WAITING: usize = 64 * 1024;

@@ -14,9 +14,9 @@ pub(crate) struct History {
 }
 
 impl History {
-    /// Time of a mean, s: a column of a chart is a tenth of a second.
+    /// Time over which a mean is taken, s: a column of a chart is a tenth of a second.
     pub(super) const MEAN_S: f64 = 0.1;
-    /// Number of kept means: more than the columns of the widest terminal.
+    /// Number of means that are kept: more than the columns of the widest terminal.
     const KEPT: usize = 500;
 
     /// Adds a value at a time, s.

@@ -16,7 +16,7 @@ pub(super) struct View {
     colour: bool,
 }
 
-/// Columns of the names on the left.
+/// Width of the names on the left, in columns.
 const NAMES: usize = 14;
 /// Smallest useful height of a chart, rows.
 const LEAST_CHART: usize = 3;

@@ -12,11 +12,11 @@ use super::track::Track;
 
 /// Range of tried delays, s: a program may also stamp a little late.
 const RANGE_S: (f64, f64) = (-0.05, 0.5);
-/// Step of the first search, s: half the length of the shortest press would be too coarse.
+/// Step of the first search, s; half the length of the shortest press would be too coarse a step.
 const STEP_S: f64 = 0.01;
-/// Number of halvings of the step afterwards, down to 0.02 ms.
+/// Number of halvings of the step after the first search, down to 0.02 ms.
 const HALVINGS: u32 = 9;
-/// Maximum number of compared samples.
+/// Maximum number of samples of a press that are compared.
 const SAMPLES: usize = 400;
 
 /// Returns the delay of a gauge in a run, s; `None` if its readings do not cover the press.

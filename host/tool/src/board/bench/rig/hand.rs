@@ -4,9 +4,10 @@ use palpate_cli::failure::Failure;
 
 use super::RigBench;
 
-/// Number of steps of a press whose travel gives the force; each is a point of the curve.
+/// A press by hand with a scale stops at this many positions; the scale's readings there give
+/// points of the curve of travel against inductance.
 const STEPS: u32 = 4;
-/// Rest on each step, s: enough samples for a mean with a noise well below a nanometre.
+/// Rest at each position, s: enough samples for a mean whose noise is well below a nanometre.
 const REST_S: f64 = 0.3;
 
 impl RigBench<'_> {
@@ -51,7 +52,8 @@ impl RigBench<'_> {
         .map(drop)
     }
 
-    /// Returns the position of the scale at the touch, m; `None` without a scale.
+    /// Asks for the reading of the stage's scale at the touch. Returns it, m; `None` without a
+    /// scale.
     fn touch_by_hand(&mut self) -> Result<Option<f64>, Failure> {
         if self.hand.has_scale == Some(false) {
             return Ok(None);

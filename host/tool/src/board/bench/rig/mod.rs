@@ -31,23 +31,26 @@ use super::bare::noted;
 use crate::board::link::{Arrival, Link};
 use crate::interrupt::Interrupt;
 
-/// Longest time of one receive call, and longest time without a sample before the board counts as
+/// Longest time of one receive call, and time without a sample after which the board counts as
 /// silent.
 const POLL: Duration = Duration::from_millis(2);
 const SILENT: Duration = Duration::from_secs(30);
-/// Longest time without a reading of a gauge, s: a slow amplifier has ten a second.
+/// Time without a reading of the load cell after which the calibration fails, s: a slow amplifier
+/// sends ten readings a second.
 const GAUGE_SILENT_S: f64 = 2.0;
-/// Longest wait for the first reading: an amplifier restarts when its port is opened.
+/// Longest wait for the first reading of the load cell: an amplifier restarts when its port is
+/// opened.
 const GAUGE_START: Duration = Duration::from_secs(60);
-/// Relative deviation from the untouched frequency below which the sensor has recovered from a
-/// press, a fifth of the limit in the check of each run; and the longest wait for it, s.
+/// The sensor has recovered from a press when its frequency differs from that of the untouched
+/// sensor by less than this, relative: a fifth of the limit in the check of each run. And the
+/// longest wait for the recovery, s.
 const RECOVERED: f64 = 0.2e-3;
 const RECOVERY_S: f64 = 300.0;
 /// Longest delay of a stage's answer beyond the duration of its movement, s.
 const STAGE_S: f64 = 30.0;
-/// Longest delay of the gauges' readings at the end of a run, s.
+/// Longest wait for delayed readings of the gauges at the end of a run, s.
 const GAUGE_SETTLES_S: f64 = 0.6;
-/// Averaging time of a frequency, s.
+/// Time over which the frequency is averaged, s.
 const MEAN_S: f64 = 0.02;
 
 /// Configuration of a bench.

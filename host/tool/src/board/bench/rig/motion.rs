@@ -6,7 +6,8 @@ use palpate_cli::failure::Failure;
 use super::program::GaugeLine;
 use super::{MEAN_S, RigBench};
 
-/// Distance of the specimen from the sensor before a press, and between two presses, m.
+/// Distance of the specimen from the sensor before a press, and its distance between two presses,
+/// m.
 const CLEAR_M: f64 = 0.2e-3;
 const LIFT_M: f64 = 1e-3;
 /// Step and range of the search for the touch, m: a person brings a specimen within millimetres.
@@ -14,15 +15,15 @@ const SEARCH_STEP_M: f64 = 20e-6;
 const SEARCH_M: f64 = 5e-3;
 /// Speed of the search, m/s.
 const SEARCH_M_PER_S: f64 = 2e-3;
-/// Relative change of frequency that counts as a touch: 2 µm of deformation.
+/// Relative change of frequency above which the specimen touches: that of 2 µm of deformation.
 const TOUCH: f64 = 0.25e-3;
-/// Longest travel block on block, m: 20 N compress the softest frame by 40 µm, and the blocks
-/// almost touch at the start.
+/// Longest travel of the stage when block presses on block, m: 20 N compress the softest frame by
+/// 40 µm, and the blocks almost touch at the start.
 const BARE_M: f64 = 1e-3;
-/// Step of the stage block on block, m: a stiff frame gives way by a fifth of a micrometre under a
-/// newton.
+/// Step of the stage when block presses on block, m: a stiff frame gives way by a fifth of a
+/// micrometre under a newton.
 const BARE_STEP_M: f64 = 1e-6;
-/// Averaging time of the gauges block on block, s.
+/// Time over which the gauges are averaged when block presses on block, s.
 const BARE_MEAN_S: f64 = 0.5;
 
 impl RigBench<'_> {

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use palpate_cli::failure::Failure;
 
-/// Longest time for a program to end after it has closed its output.
+/// Longest wait for a program to end after it has closed its output.
 const END: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_millis(10);
 
@@ -141,8 +141,8 @@ impl Program {
     }
 }
 
-/// Maximum number of waiting lines, ten seconds of a fast gauge. A program that prints without a
-/// pause has to wait.
+/// Maximum number of lines that wait to be read, those of a fast gauge in ten seconds. A program
+/// that prints without a pause has to wait.
 const WAITING: usize = 10_000;
 
 /// Maximum length of a gauge's line with its end, bytes: twenty times the usual one. A longer line

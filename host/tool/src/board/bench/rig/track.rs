@@ -10,7 +10,8 @@ pub(super) struct Track {
     clock: GaugeClock,
 }
 
-/// Longest gap between two readings for an interpolation, s: a slow amplifier has ten a second.
+/// Longest time between two readings for which values between them are interpolated, s: a slow
+/// amplifier sends ten readings a second.
 const LONGEST_S: f64 = 0.25;
 
 impl Track {
@@ -67,7 +68,7 @@ struct GaugeClock {
 }
 
 impl GaugeClock {
-    /// Number of kept readings.
+    /// Number of readings whose offsets are kept for the median.
     const KEPT: usize = 101;
 
     fn board_s(&mut self, now_s: f64, own_s: f64) -> f64 {
