@@ -75,8 +75,8 @@ pub(crate) fn fit(
     problem.fit()
 }
 
-/// Fits the trains, with the growth of the cross-talk with the press as one more unknown. It can be
-/// told from h: X I^2 lowers 1/x in proportion to W_j, while h is common to all trains.
+/// Fits the trains, with the growth of the cross-talk with the press as one more unknown. It
+/// differs from h: X I^2 lowers 1/x in proportion to W_j, while h is common to all trains.
 pub(crate) fn fit_with_growth(
     runs: &[SampleRun],
     force: &PressCurve,

@@ -61,9 +61,10 @@ impl Crosstalk {
 ///
 /// x = a_j + d_j phi(t) + F/c + X I^2 (1 + growth x),
 ///
-/// with the force F from the load cell. On a single run F follows I^2, like the cross-talk, and the
-/// two cannot be told apart. But on a soft spring the force follows I^2 less than on a block, while
-/// the cross-talk is the same. c is the sensing layer's spring for changes as fast as the ramps.
+/// with the force F from the load cell. On a single run both F and the cross-talk follow I^2, so
+/// their shares cannot be distinguished. But on a soft spring the force follows I^2 less than on a
+/// block, while the cross-talk is the same. c is the sensing layer's spring for changes as fast as
+/// the ramps.
 fn growth(
     runs: &[SampleRun],
     force: &PressCurve,
