@@ -501,7 +501,7 @@ mod tests {
     #[test]
     fn an_error_of_the_stiffening_counts_more_where_the_attraction_takes_from_it() {
         let exact = layer(&Changes::default());
-        // Four tenths of the signal of the stiffening.
+        // An attraction that takes four tenths of the stiffening's signal.
         let h = exact.actuated.regressor(made::PEAK_A).abs();
         let layer = exact.changed(&[0.0, 0.0, 0.4 * h / RATIO, 0.0, 0.0]);
         let step = 1e-4;
@@ -522,7 +522,7 @@ mod tests {
     fn a_train_that_is_noisy_counts_less() {
         let exact = layer(&Changes::default());
         // One train in three has a hundred times the noise of the others, as on a bench that shakes
-        // meanwhile.
+        // during some trains.
         let trains = |noisy: f64| {
             let mut stream = Stream::named(7, "bench");
             let presses = made::KAPPAS.into_iter();
@@ -548,7 +548,7 @@ mod tests {
             println!("{error} {}", adjusted.scatter);
             (error, adjusted.covariance[0][0].sqrt())
         });
-        // With equal weights for all trains the error is a quarter.
+        // If all trains had equal weights, the error would be a quarter.
         assert!(shaken.0.abs() < 0.005, "{shaken:?}");
         assert!(quiet.0.abs() < 0.005, "{quiet:?}");
         assert!(shaken.0.abs() < 3.0 * shaken.1, "{shaken:?}");
@@ -569,7 +569,7 @@ mod tests {
             for kappa in made::KAPPAS {
                 let off = stream.between(1.0 - TOLERANCE, 1.0 + TOLERANCE);
                 for depth_m in made::DEPTHS_M {
-                    // The scatter acts like a change of the load.
+                    // A train's scatter acts like a change of its load.
                     let scatters = SCATTER * (1.0 + kappa + RATIO) * stream.normal();
                     let train = made::train(&SENSOR, kappa * off + scatters, depth_m, &mut || 0.0);
                     trains.push(Train {
@@ -600,7 +600,7 @@ mod tests {
         for (index, kappa) in loads.into_iter().enumerate() {
             let ratio = (squares[index] / promised[index]).sqrt();
             println!("{kappa}: error over promise {ratio:.3}");
-            // 30 benches determine a standard deviation within an eighth.
+            // From 30 benches a standard deviation is known within an eighth.
             assert!((0.6..1.4).contains(&ratio), "{kappa}: {ratio}");
         }
     }

@@ -46,7 +46,8 @@ pub struct Checked {
     /// Relative standard uncertainty of 1/c_L before the check, at each of [`LOADS`] and at this
     /// temperature, without the noise of a press.
     pub uncertainty_before: [f64; LOADS.len()],
-    /// The same uncertainty after the check.
+    /// Relative standard uncertainty of 1/c_L after the check, at each of [`LOADS`] and at this
+    /// temperature, without the noise of a press.
     pub uncertainty_after: [f64; LOADS.len()],
 }
 
@@ -378,7 +379,8 @@ mod tests {
         (1.0 + kappa + RATIO - pull_m / DEPTH_M * ratio) / (1.0 + kappa + ratio)
     }
 
-    /// kappa at which a calibrated sensor has the same deformation at the peak.
+    /// kappa that a sensor calibrated with another rise reads: the one at which it has the
+    /// deformation at the peak that this sensor has.
     fn read_as(rise: f64, kappa: f64, calibrated_rise: f64) -> f64 {
         let (mut low, mut high) = (-0.5, 20.0);
         for _ in 0..80 {
@@ -420,7 +422,7 @@ mod tests {
     fn what_the_stiffening_has_become_is_found() {
         for grown in [0.9, 1.05] {
             let rise = RISE * grown;
-            // Nearly all uncertainty is in the rise.
+            // Nearly all uncertainty of the calibration is that of the rise.
             let press = press(rise, 0.0);
             let whole = 1.0 + press.load_ratio + RATIO;
             let press = KnownPress {
@@ -532,7 +534,8 @@ mod tests {
         let expected = rise_of(&commands) * (RISE_PER_K * WARMER_K).exp();
         let rise = rise_of(&checked.commands);
         assert!((rise / expected - 1.0).abs() < 1e-6, "{rise} {expected}");
-        // From the check on they apply relative to its temperature.
+        // From the check on the temperature coefficients apply relative to the temperature of the
+        // check.
         assert_eq!(
             brought_to(&checked.commands, warm.temperature_c),
             checked.commands
@@ -564,7 +567,7 @@ mod tests {
         );
     }
 
-    /// Many sensors with random errors within the three terms, each checked by a press.
+    /// Many sensors with random errors of the three terms' sizes, each checked by a press.
     #[test]
     fn what_is_claimed_after_a_check_is_by_how_much_sensors_are_off() {
         const SENSORS: u32 = 2_000;
@@ -614,8 +617,8 @@ mod tests {
         for (kappa, (squares, claimed)) in loads.into_iter().zip(squares.into_iter().zip(claimed)) {
             let ratio = (squares / claimed).sqrt();
             println!("{kappa}: {ratio}");
-            // Unlike the true variance, the three terms have no minimum between the loads: they are
-            // wider there.
+            // The true variance has a minimum between the loads, which the three terms cannot
+            // follow: there they are wider.
             assert!((0.6..1.15).contains(&ratio), "{kappa}: {ratio}");
         }
     }

@@ -1,8 +1,8 @@
 //! Fit of a line to one train, which gives its load.
 //!
 //! x (1 + kappa + g) = x_0 (1 + d phi(t) + e t), with g the compliance of the actuated layer over
-//! the sensing layer's. The iteration equals that of the [fit of all trains](super::actuated), for
-//! the same reason.
+//! that of the sensing layer. Like the [fit of all trains](super::actuated), and for the same
+//! reason, the iteration minimises the squares of the deformations' residuals.
 
 use super::Unusable;
 use super::actuated_layer::Actuated;
@@ -340,7 +340,7 @@ mod tests {
             let promised = (bends[0].variance / 40.0).sqrt();
             println!("{kappa}: {mean} +- {error}, promised {promised}");
             assert!(mean.abs() < 4.0 * error, "{kappa}: {mean} +- {error}");
-            // 40 trains determine a standard deviation within a ninth.
+            // From 40 trains a standard deviation is known within a ninth.
             assert!((0.7..1.4).contains(&(error / promised)), "{kappa}: {error}");
         }
     }
@@ -382,8 +382,8 @@ mod tests {
         });
         for (name, (spread, promised)) in [("white", white), ("tilted", tilted)] {
             println!("{name}: {spread}, promised {promised}");
-            // 60 trains determine a standard deviation within a tenth; the three unknowns beside
-            // kappa, from twelve falls, reduce the residuals by a seventh.
+            // From 60 trains a standard deviation is known within a tenth; the fit of the three
+            // unknowns beside kappa to twelve falls makes the residuals smaller by a seventh.
             let ratio = spread / promised;
             assert!((0.75..1.35).contains(&ratio), "{name}: {ratio}");
         }

@@ -40,7 +40,7 @@ const OF_WARMING: f64 = 1e-3;
 /// Greatest drift of the untouched reading over a train, relative to the cross-talk at the peak: in
 /// the 24 trains above it is 0.006 at most. A change of contact exceeds the limit.
 const MOST_DRIFT: f64 = 0.2;
-/// Smallest part of the falls in the settings that a train must contain.
+/// A train must contain at least this part of the falls that the settings request.
 const LEAST_FALLS: f64 = 0.5;
 
 /// The bench's own train without a press, for comparison.
@@ -125,7 +125,7 @@ impl<'c> Calibrated<'c> {
     }
 }
 
-/// Whether this is the channel of the stiffness: the first channel of the first converter.
+/// Whether a channel is the one that gives the stiffness: the first channel of the first converter.
 const fn is_first(sensor: u8, channel: u8) -> bool {
     sensor == 0 && channel == 0
 }

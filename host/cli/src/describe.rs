@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn the_greatest_cause_is_named_with_its_share_and_remedy() {
         let text = limited_by(&BUDGET);
-        // 36 of 41.
+        // Temperature has 36 of 41 parts of the variance.
         assert_eq!(
             text,
             "88 % of the interval is by the temperature, +4.9 K from the calibration's. To narrow it: \
@@ -169,7 +169,7 @@ mod tests {
             noise: 0.1,
             ..BUDGET
         };
-        // 100 of 137.
+        // Noise has 100 of 137 parts of the variance.
         assert!(limited_by(&noisy).starts_with("73 % of the interval is by noise"));
         // Without any uncertainty the share must be a number, not NaN.
         let certain = UncertaintyBudget {

@@ -19,7 +19,7 @@ const ENLARGED: u32 = 3;
 /// Size of a chart as it is shown, in CSS pixels.
 const SIZE: (u32, u32) = (520, 300);
 const FONT: &str = "sans-serif";
-/// Approximate part of a chart that a legend covers, horizontally and vertically.
+/// Approximate part of a chart's width and height that a legend covers.
 const LEGEND: (f64, f64) = (0.55, 0.3);
 const TITLE_SIZE: u32 = 15 * ENLARGED;
 const LABEL_SIZE: u32 = 13 * ENLARGED;

@@ -19,7 +19,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Creates no bar, for verbs that print lines meanwhile.
+    /// Creates a progress that shows nothing, for verbs that print lines while they run.
     pub fn hidden() -> Self {
         Self {
             bar: ProgressBar::hidden(),

@@ -279,7 +279,8 @@ pub fn coil(plant: &Parameters) -> Coil {
         pad_capacity_j_per_k: thermal.pad_j_per_k as f32,
         copper_to_pad_k_per_w: thermal.copper_to_pad_k_per_w as f32,
         pad_to_ambient_k_per_w: thermal.pad_to_ambient_k_per_w as f32,
-        // The calibration had the same gain, so the rise contains it.
+        // The gain of the current measurement is the same as in the calibration, so the calibrated
+        // rise contains its error.
         current_uncertainty: 0.0,
     }
 }

@@ -167,8 +167,8 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// Holds for five of the seeds 1 to 6. On seed 5 the bench's fit leaves an error of the
-    /// stiffening's shape, which bends the line.
+    /// The curve is within three standard errors for five of the seeds 1 to 6. On seed 5 the
+    /// bench's fit leaves an error of the stiffening's shape, which bends the line.
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_curve_of_a_hardening_load_is_within_three_standard_errors() {

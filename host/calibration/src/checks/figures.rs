@@ -29,9 +29,9 @@ pub(super) struct Figures {
     /// Deviation of the stage's scale from a smooth curve of the inductance, after the touch, over
     /// the scale's travel.
     pub(super) stage_follows: Option<f64>,
-    /// Part of the samples without a force.
+    /// Part of the samples without a reading of the load cell.
     pub(super) force_missing: f64,
-    /// Longest time of an unchanged force under the press, s.
+    /// Longest time for which the load cell's reading does not change under the press, s.
     pub(super) frozen_s: f64,
     /// Greatest change of inductance in the train over that before it, less one.
     pub(super) swing: f64,
@@ -153,7 +153,7 @@ fn statistics(
     Some((mean, (square / count).sqrt()))
 }
 
-/// Part of the samples that is missing, by the usual time between neighbours.
+/// Part of the samples that is missing, estimated from the usual time between neighbouring samples.
 fn missing(run: &Run) -> Option<f64> {
     let pairs = run.lines.windows(2);
     let mut steps_s: Vec<f64> = pairs
@@ -175,7 +175,7 @@ fn without_force(run: &Run) -> f64 {
     without.count() as f64 / run.lines.len().max(1) as f64
 }
 
-/// Longest time of an unchanged load cell under the press, s.
+/// Longest time for which the load cell's reading does not change under the press, s.
 fn frozen_s(run: &Run) -> f64 {
     let (mut since, mut longest_s) = (None, 0.0);
     let pressed = run.lines.iter().filter(|line| line.time_s > run.pressed_s);

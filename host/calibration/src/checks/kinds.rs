@@ -20,17 +20,18 @@ pub enum Check {
     ForceNoise,
     /// Change of inductance where the sensor should be untouched.
     Touched,
-    /// Frequency before the press against that of the sensor without a specimen, relative.
+    /// Difference of the frequency before the press from that of the sensor without a specimen,
+    /// relative.
     RestFrequency,
     /// Required change of inductance of a press, less the actual one.
     Reached,
     /// Backward travel of the stage, over the target travel.
     StageSign,
-    /// Travel of the stage against the target travel: factor.
+    /// Factor between the travel of the stage and the target travel, in either direction.
     StageUnit,
     /// Force of the wrong sign, over the target force.
     ForceSign,
-    /// Force against the target force: factor.
+    /// Factor between the force and the target force, in either direction.
     ForceUnit,
     /// Deviation of the force from a smooth curve of the inductance, over the greatest force.
     ForceFollows,
@@ -38,18 +39,20 @@ pub enum Check {
     ForceFrozen,
     /// Deviation of the stage's scale from a smooth curve of the inductance, over its travel.
     StageFollows,
-    /// Deformation after the train against before it, relative.
+    /// Deformation after the train less that before it, relative.
     Slip,
-    /// Force after the train against before it, relative.
+    /// Force after the train less that before it, relative.
     ForceSlip,
     /// Scatter of the train's readings about a smooth curve, over their span or 8 µm, whichever is
     /// greater.
     Scatter,
-    /// Depth of a press against the other presses: factor.
+    /// Factor between the depth of a press, relative to its target, and that of the other presses,
+    /// in either direction.
     Depth,
     /// Compliance of block and frame, over that of the sensing layer.
     Frame,
-    /// Travel of the stage on a spring against that expected from its stiffness, relative.
+    /// Difference of the stage's travel on a spring from that expected from the spring's stiffness,
+    /// relative.
     Spring,
 }
 

@@ -15,7 +15,7 @@ pub use self::kinds::Check;
 use crate::session::{Pressed, Run, Session};
 use crate::{Known, Unusable, frame, spring_deviations};
 
-/// A value beside the limit of its check.
+/// A value that is compared with the limit of its check.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckedFigure {
     /// The check.

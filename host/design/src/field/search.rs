@@ -60,8 +60,8 @@ pub(super) const FAR: f64 = 0.25;
 pub(super) const NEAR: f64 = 0.0625;
 /// Smallest step, as a share of the range between the bounds of a number.
 const FINEST: f64 = 0.01;
-/// Two points that differ by less count as equal, as a share of the range between the bounds:
-/// adding and subtracting one step leaves a rounding error.
+/// Two values of a number count as equal if they differ by less than this share of the range
+/// between its bounds: adding and subtracting one step leaves a rounding error.
 const SAME: f64 = 1e-9;
 
 /// All designs that the varied numbers can give.
@@ -171,10 +171,10 @@ impl Search<'_> {
     }
 
     /// Improves a design by a compass search: tries both directions along each number, moves to the
-    /// best, and halves the step when no neighbour is better. `first_step` is a share of the
-    /// bounds. After each round it calls `tried` with the best design so far, the number of tried
-    /// designs, and whether the best is new. Returns the best design and the number of tried
-    /// designs.
+    /// best, and halves the step when no neighbour is better. `first_step` is a share of the range
+    /// between a number's bounds. After each round it calls `tried` with the best design so far,
+    /// the number of tried designs, and whether the best is new. Returns the best design and the
+    /// number of tried designs.
     pub(super) fn climb(
         &self,
         start: Tried,

@@ -1,4 +1,5 @@
-//! Information about the sensor from the bench's trains, each as one measurement of its load.
+//! Information about a sensor that the trains of its bench give, each as one measurement of its
+//! load.
 //!
 //! The trains determine five quantities and the error of each spring
 //! (docs/decisions/0082-adjustment.md). The formulas are those of [`line`](super::line),

@@ -102,7 +102,7 @@ pub(crate) struct ComparedTrain {
     /// The varied figure.
     pub(crate) change: &'static str,
     pub(crate) train: RatedTrain,
-    /// Limit exceeded by a better train of the same kind; `None` where none is better.
+    /// Limit that a better train of this kind exceeds; `None` where no train is better.
     pub(crate) limit: Option<TrainLimit>,
 }
 

@@ -43,7 +43,8 @@ fn line(sensor: &PlannedSensor) -> TrainLine {
     .unwrap()
 }
 
-/// Errors of an evaluation, relative or in units of the working depth at the peak.
+/// Errors of the quantities in an evaluation: those of spring and stiffening relative, those of
+/// attraction, cross-talk and its growth in units of the working depth at the peak.
 #[derive(Clone, Copy, Default)]
 struct Wrong {
     actuated: f64,
@@ -98,7 +99,7 @@ fn reads(
         }
     }
     let solved = normal.solve(&right).unwrap();
-    // Extrapolated to zero signal, without the drift.
+    // 1/x extrapolated to zero signal, without the drift.
     let level = solved[0];
     level / solved[1] - 1.0 - sensor.ratio * (1.0 + wrong.actuated)
 }
@@ -140,8 +141,9 @@ fn an_error_of_each_quantity_moves_a_load_by_what_the_slopes_say() {
                 .enumerate()
             {
                 let moved = (reads(&sensor, kappa, &wrong, &mut |_| 0.0) - exact) / STEP;
-                // First order: the stiffening itself is a tenth, and a larger part of the line
-                // where the attraction cancels most of it.
+                // The slopes are of first order in the errors, while the stiffening itself is a
+                // tenth, and a larger part of the line where the attraction cancels most of the
+                // stiffening.
                 assert!(
                     (moved / slope - 1.0).abs() < 0.12,
                     "{name} {kappa} {index}: {moved} {slope}"
@@ -176,8 +178,8 @@ fn noise_and_vibration_scatter_a_load_by_what_the_line_says() {
     }
     let noise = of_noise / (whole.powi(4) * line.conversions);
     let vibration = of_vibration / (whole.powi(2) * line.vibration);
-    // 400 squares determine the noise within 7 %; most of the vibration is in a few frequencies
-    // near the ramps' harmonics.
+    // From 400 squares the variance by noise is known within 7 %; most of the vibration's effect is
+    // in a few frequencies near the ramps' harmonics.
     assert!((noise - 1.0).abs() < 0.2, "{noise}");
     assert!((0.6..1.6).contains(&vibration), "{vibration}");
 }

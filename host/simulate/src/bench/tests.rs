@@ -38,7 +38,8 @@ fn refused(session: &Session, known: &Known) -> Option<String> {
     name.or_else(|| evaluate(session, known).err().map(|of| of.to_string()))
 }
 
-/// Indices of runs: one without contact, three on the block, three on each of six springs.
+/// Indices of runs on the block, on a soft spring and on one like the sensing layer. The runs are
+/// one without contact, three on the block, and three on each of six springs.
 const BLOCK: usize = 2;
 const SOFT: usize = 8;
 const LIKE: usize = 14;
@@ -72,8 +73,8 @@ fn deform(run: &mut Run, from_s: f64, times: f64) {
     }
 }
 
-/// Adds to the deformation in a train, m, on the reference coil: 0.25 parts in a thousand of the
-/// inductance for each micrometre.
+/// Adds a deformation, m, to that in a train. On the reference coil a micrometre is 0.25 parts in a
+/// thousand of the inductance.
 fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
     let (rest_hz, from_s) = (run.rest_hz().unwrap(), run.ramps_s);
     for line in later(run, from_s) {
@@ -105,7 +106,8 @@ fn instead(session: &mut Session, place: usize, of: usize) {
 
 type Spoil = (&'static str, fn(&mut Session), &'static [&'static str]);
 
-/// Errors of a session with or without a load cell, and the possible faults.
+/// Errors made in a session, with or without a load cell, and the faults that may be reported for
+/// each.
 const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     (
         "a spring typed in twice as stiff",
@@ -249,7 +251,8 @@ const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     ),
 ];
 
-/// Additional errors with a load cell.
+/// Errors made in a session that only a load cell makes possible or shows, and the faults that may
+/// be reported for each.
 const WITH_LOAD_CELL: [Spoil; 13] = [
     (
         "a force in millinewtons",

@@ -124,7 +124,8 @@ mod tests {
     use super::*;
     use crate::campaign::world::World;
 
-    /// A press of a load of 1 kN/m, read with this relative error and a standard error of 1 %.
+    /// A press onto a load of 1 kN/m, whose estimate has this relative error and a standard error
+    /// of 1 %.
     fn press(error: f64) -> Press {
         let estimate_n_per_m = 1e3 * (1.0 + error);
         Press {
@@ -153,7 +154,8 @@ mod tests {
         let counted = Counted::of(presses.iter());
         assert_eq!((counted.accepted, counted.refused), (4, 1));
         assert_eq!(counted.coverage95, Some(0.5));
-        // 3 % is more than two standard errors and 10 % more than four, and more than 5 %.
+        // An error of 3 % is more than two standard errors; one of 10 % is more than four, and more
+        // than 5 %.
         assert_eq!(counted.false_confidence, Some(0.25));
         let near = |value: Option<f64>, expected: f64| {
             assert!(

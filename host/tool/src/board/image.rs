@@ -121,7 +121,8 @@ impl Arguments {
     }
 }
 
-/// Paths beside the tool: the path in a release, and the file alone.
+/// Paths of the image beside the tool: its path in a release, and the file directly in the tool's
+/// folder.
 fn places_beside_tool(program: Program) -> Vec<PathBuf> {
     // Resolves a symbolic link to the tool.
     let tool = env::current_exe().and_then(|tool| tool.canonicalize());

@@ -163,7 +163,7 @@ impl Kept {
         let float = |value: &Value| value.as_f64().unwrap_or_default();
         match self.kind {
             Kind::Bool => write::<BoolType>(to, &cells, |of| of.as_bool().unwrap_or_default()),
-            // Parquet stores unsigned integers with the same bits.
+            // Parquet stores an unsigned integer as the signed one with equal bits.
             Kind::Integer(64) | Kind::Time => {
                 write::<Int64Type>(to, &cells, |of| number(of).cast_signed())
             }

@@ -15,7 +15,7 @@ use super::{Entry, Logged, Note, PROFILE, Recorded, schema, topic};
 /// Topic and schema of the board's log, which viewers know (Foxglove's schemas, `Log`).
 const LOG: &str = "/log";
 const LOG_SCHEMA: &str = "foxglove.Log";
-/// Numbers of the levels in this schema.
+/// Numbers of the log's levels in Foxglove's schema `Log`.
 const LEVELS: [(&str, u8); 4] = [("debug", 1), ("info", 2), ("warn", 3), ("error", 4)];
 
 /// Writer of a recording. Entries since the last [`flush`](Self::flush) are lost if the program is

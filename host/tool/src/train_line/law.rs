@@ -166,7 +166,7 @@ mod tests {
     fn without_all_parts_of_a_calibration_there_is_no_law() {
         let parts = Law::made_parts();
         assert!(Law::of(&parts).is_some());
-        // Without the curve, the settings, or the springs.
+        // Parts without the curve, without the settings, and without the springs.
         for part in [&parts[..4], &parts[4..5], &parts[5..6]] {
             let others = parts.iter().filter(|of| !part.contains(of));
             let others: Vec<_> = others.cloned().collect();

@@ -28,7 +28,8 @@ pub(crate) struct PluggedBoard {
     is_open: bool,
     /// Request to open or close the port, until the board has handled it.
     changing: Option<TransferId>,
-    /// Bytes that the program sent meanwhile: an answer from a closed port would be lost.
+    /// Bytes that the program sent before the port was open: an answer from a closed port would be
+    /// lost.
     unsent: Vec<u8>,
     flash: FlashFile,
 }

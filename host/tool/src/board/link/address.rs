@@ -72,7 +72,7 @@ enum Address {
     Recording(PathBuf),
     Emulated,
     Tcp(String),
-    /// A debug probe at this computer, by name.
+    /// A debug probe at this computer, by its name; `None` for the only one.
     DebugProbe(Option<String>),
     /// Servers of a debug probe, for records and for commands.
     Probe(String, String),

@@ -11,7 +11,7 @@ use super::transport::Transport;
 use crate::commands::watch::tests::fixture;
 use crate::interrupt::Interrupt;
 
-/// State of a board when its port is opened again.
+/// State of the fake board when its port is opened again.
 #[derive(Clone, Copy, PartialEq)]
 enum BoardPresence {
     Powered,
@@ -19,12 +19,12 @@ enum BoardPresence {
     Nowhere,
 }
 
-/// A board whose clock restarts at each power-on, with the same boot id.
+/// Fake board: each power-on restarts its clock but leaves its boot id unchanged.
 struct MadeBoard {
     found: BoardPresence,
     now: Duration,
     powered_at: Duration,
-    /// Round-trip time.
+    /// Time from a command to its answer.
     delay: Duration,
     commands: CommandDecoder,
     answers: Vec<u8>,
@@ -91,7 +91,8 @@ impl Transport for MadeBoard {
     fn reopen(&mut self) -> io::Result<()> {
         self.now += Duration::from_millis(100);
         self.powered_at = self.now;
-        // A slower connection than before, whose answer alone would not replace the offset.
+        // The connection is slower than before, so the answer alone would not replace the clock's
+        // offset.
         self.delay = Duration::from_millis(10);
         self.interrupt.ask();
         match self.found {

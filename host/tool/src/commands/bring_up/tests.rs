@@ -21,7 +21,7 @@ pub(super) struct TestFinding {
 
 type Result<T> = std::result::Result<T, Failure>;
 
-/// A conversion of 4.3 ms: longer than all accesses to the converter meanwhile.
+/// A conversion of 4.3 ms: longer than all accesses to the converter that a test makes during one.
 const SLOW: Setup = Setup {
     rcount: 8_000,
     ..QUICK
@@ -35,9 +35,9 @@ const QUICK: Setup = Setup {
     reports: REPORTS,
     input_divider: 1,
 };
-/// Divisors of 200 MHz for CLKIN, all within the limit of 35 MHz with one channel.
+/// Divisors that give CLKIN from 200 MHz, all within the limit of 35 MHz with one channel.
 const DIVISORS: [u8; 5] = [6, 8, 10, 11, 13];
-/// Number of words for a standard deviation.
+/// Number of words from which a standard deviation is computed.
 const WORDS: usize = 40;
 /// DATA_MSB: amplitude flag.
 const AMPLITUDE: u16 = 1 << 12;
@@ -183,7 +183,7 @@ impl Tests {
         });
         let (by_two, _) = self.counts(divided, WORDS / 2)?;
         let k = (squares / DIVISORS.len() as f64).sqrt();
-        // Threshold between 0.018 for two gates and 0.0128 for half periods; a sensor at rest.
+        // Lies between 0.018 for two gates and 0.0128 for half periods; the sensor is at rest.
         self.switches.counter = if k > 0.0152 {
             Counter::TwoGates
         } else {
@@ -218,8 +218,8 @@ impl Tests {
         let mut texts = Vec::new();
         let mut measured = Vec::new();
         for divider in [6, 12] {
-            // Two lengths separate clock and overhead. Both are longer than two transfers, so no
-            // edge of the sequence is seen late.
+            // Conversions of two lengths separate the clock from the overhead. Both lengths exceed
+            // two transfers, so no edge of the sequence is seen late.
             let [short, long] = [1_500, 3_000].map(|rcount| Setup {
                 rcount,
                 divider,

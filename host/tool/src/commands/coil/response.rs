@@ -161,9 +161,9 @@ impl StepResponse {
 pub(super) struct Ramp {
     pub(super) from_a: f64,
     pub(super) to_a: f64,
-    /// Greatest deviation from the fitted line, as a part of `from_a`.
+    /// Greatest deviation from the fitted line, relative to `from_a`.
     pub(super) nonlinearity: f64,
-    /// Standard deviation about the line, A.
+    /// Standard deviation of the current about the fitted line, A.
     pub(super) scatter_a: f64,
     /// Evaluated span since the ramp's start, s.
     pub(super) span_s: [f64; 2],
@@ -251,7 +251,8 @@ mod tests {
         }
     }
 
-    /// 24 A times an exponential of 80 us, from 160 us on.
+    /// Current, A, that rises to `to_a` along an exponential towards 98 % of 24 A, with a time
+    /// constant of 80 us, from 160 us on.
     fn rising(at_s: f64, to_a: f64) -> f64 {
         let since_s = (at_s - 160e-6).max(0.0);
         (0.98 * 24.0 * (1.0 - (-since_s / 80e-6).exp())).min(to_a)

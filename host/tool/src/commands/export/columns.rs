@@ -6,8 +6,8 @@ use palpate_wire::schema::{Field, Type};
 use palpate_wire::{Message, Record};
 use serde_json::Value;
 
-/// Field that identifies an item of a list, if present: the conversions of a sample may be those of
-/// channels 0 and 2, not the first two.
+/// Field that, if present, gives the number of an item in a list: the conversions of a sample may
+/// be those of channels 0 and 2, not of the first two.
 const CHANNEL: &str = "channel";
 
 /// Items of each list that occur.

@@ -61,7 +61,7 @@ fn first(recorded: &Recorded) -> [String; FIRST.len()] {
     ]
 }
 
-/// All nine decimals: a float of this size would keep six.
+/// Formats seconds with all nine decimals; a float of this size would keep six.
 fn seconds(ns: u64) -> String {
     format!("{}.{:09}", ns / NS_PER_S, ns % NS_PER_S)
 }

@@ -64,7 +64,7 @@ struct Piece {
     extremes: BTreeMap<Series, Extremes>,
 }
 
-/// Minimum and maximum, each with the number of values before it.
+/// Minimum and maximum of a slot, each with the number of values that precede it in the slot.
 #[derive(Clone, Copy, Debug)]
 struct Extremes {
     count: u32,

@@ -22,7 +22,7 @@ fn ask_all(link: &mut Link) -> Result<(), Failure> {
     for question in configuration::questions() {
         configuration::read_part(link, &question)?;
     }
-    // All previous answers have arrived before this one.
+    // The board answers in order, so its answer to this command follows all others.
     link.ask(&Command::GetSettings)?;
     Ok(())
 }

@@ -63,7 +63,7 @@ fn curve(quantity: Quantity, points: Vec<(f64, f64)>) -> Series {
     Series::new(quantity.label, quantity.colour, Marks::Line(points))
 }
 
-/// 1/x against the actuated layer's compliance, with the fitted line.
+/// Chart of 1/x against the actuated layer's compliance, with the fitted line.
 pub(super) fn line(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let measured = points
@@ -86,7 +86,7 @@ pub(super) fn line(line: &TrainLine) -> Chart {
     }
 }
 
-/// Force against the load's displacement relative to the middle of the ramps.
+/// Chart of the force against the load's displacement relative to the middle of the ramps.
 pub(super) fn load_curve(points: &[LoadPoint]) -> Option<Chart> {
     let middle = points.get(points.len() / 2)?;
     let from_m = f64::from(middle.displacement_m);

@@ -59,8 +59,8 @@ impl Track {
     }
 }
 
-/// Offset of a gauge's own clock from the board's. Most lines arrive with about the same delay
-/// after their time stamp, some much later, when the computer was busy; the median is used.
+/// Offset of a gauge's own clock from the board's. Most lines arrive with about equal delay after
+/// their time stamp, some much later, when the computer was busy; the median is used.
 #[derive(Clone, Debug, Default)]
 struct GaugeClock {
     /// Board time at arrival less the gauge's time, s, of the last readings.
@@ -105,7 +105,7 @@ mod tests {
         let mut track = Track::default();
         for step in 0..50 {
             let own_s = f64::from(step) * 0.01;
-            // One in ten is late by 80 ms.
+            // One reading in ten arrives 80 ms late.
             let late_s = if step % 10 == 9 { 0.08 } else { 0.001 };
             track.enter(100.0 + own_s + late_s, Some(own_s), own_s);
         }
