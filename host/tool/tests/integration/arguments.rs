@@ -54,7 +54,7 @@ fn a_name_that_is_no_text_is_printed_as_json_nevertheless() {
             .arg(OsStr::from_bytes(file))
             .current_dir(folder.path())
             .output();
-        // A replay without anything to compare fails and prints its result.
+        // A replay that finds nothing to compare fails, but prints its result.
         serde_json::from_slice::<Value>(&output.unwrap().stdout).unwrap()
     };
     let lossy = "r\u{fffd}.mcap";

@@ -20,7 +20,7 @@ struct Document {
     switches: Switches,
 }
 
-/// Position `number` of every switch; the first for switches that have fewer.
+/// Switches of which each has its position `number`; those with fewer positions have their first.
 fn positions(number: usize) -> Switches {
     macro_rules! position {
         ($kind:ident) => {
@@ -80,7 +80,7 @@ fn serve(listener: &TcpListener, image: &Image) {
     stream.set_nonblocking(true).unwrap();
     let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
     let mut board = EmulatedBoard::new(image, plant, Settings::default(), Options::default());
-    // The board was flashed and started long before.
+    // Starts the board before the first request, as one that was flashed long ago.
     board.run_for(Time::from_ms(100)).unwrap();
     loop {
         let mut bytes = [0; 64];
@@ -99,7 +99,7 @@ fn serve(listener: &TcpListener, image: &Image) {
 fn a_slow_probe_makes_no_difference() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    // Built before the first request, since the first build takes minutes.
+    // The image is built before the first request, since the first build takes minutes.
     let file = firmware::build_example("bring_up").unwrap_or_else(|error| panic!("{error}"));
     let image = Image::load(&file).unwrap();
     let server = std::thread::spawn(move || serve(&listener, &image));

@@ -63,7 +63,7 @@ fn a_calibration_that_ends_early_leaves_the_one_before_in_force_and_stored() {
     let units = script(folder, "units", "echo 1,5 N; sleep 60\n");
     let message = refused(calibrate(&server, folder, &units));
     assert!(message.contains("prints \"1,5 N\""), "{message}");
-    // In force without a restart.
+    // The previous configuration is in force even without a restart.
     let board = format!("tcp:{}", server.address);
     let export = ["settings", "export", "between.jsonl", "--board", &board];
     let exported = palpate(&export, folder);

@@ -21,7 +21,7 @@ fn lines(arguments: &[&str]) -> Vec<Value> {
         .collect()
 }
 
-/// Root mean square of error over sigma of the good readings.
+/// Root mean square of the good readings' errors, each over its stated sigma.
 fn scatter(lines: &[Value]) -> f64 {
     let squares: Vec<f64> = lines
         .iter()
@@ -34,7 +34,7 @@ fn scatter(lines: &[Value]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// 2,000 readings determine the scatter to 1.6 %; the limit is six times that.
+/// From 2,000 readings the scatter is known to 1.6 %; the limit is six times that.
 #[test]
 fn sigma_is_right_within_10_percent() {
     for arguments in [
@@ -53,9 +53,9 @@ fn sigma_is_right_within_10_percent() {
     }
 }
 
-/// For a slow sensor the rounding of the word counts, and the small number of periods in a
-/// conversion. The ratio of counts has no verdict below 1/37 of the reference, 20 MHz or 40 MHz
-/// here.
+/// For a slow sensor the word's rounding matters, and so does the small number of its periods in a
+/// conversion. The ratio of counts has no verdict below 1/37 of the reference, which is 20 MHz or
+/// 40 MHz here.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
@@ -94,7 +94,7 @@ fn as_often_as_the_bus_allows_every_reading_is_new() {
                 "300",
             ];
             let lines = lines(&arguments);
-            // The first frame follows the start.
+            // The first frame follows the start, which counts as a gap.
             let later = lines.iter().filter(|line| line["gap"] == false);
             assert!(later.clone().count() >= 299, "{arguments:?}");
             let mut bad = later.filter(|line| line["quality"] != "good");
@@ -161,7 +161,7 @@ fn the_chip_of_a_file_of_switches_runs_and_is_named() {
             "interrupt_release = \"StatusOnly\"",
             "interrupt released by STATUS",
         ),
-        // The first start loses its registers, which needs one recovery.
+        // The chip loses its registers at the first start, so the driver recovers once.
         ("sleep_exit = \"LosesOnce\"", "interrupt released by STATUS"),
     ] {
         std::fs::write(&file, format!("[switches]\n{switch}\n")).unwrap();

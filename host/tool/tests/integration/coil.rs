@@ -67,9 +67,9 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
     assert!(stderr.contains("bring-up.md"), "{stderr}");
 }
 
-/// Limit of the calibration: 0.3 % of 10 A.
+/// Limit of the error after the calibration: 0.3 % of 10 A.
 const ABSOLUTE_A: f64 = 0.03;
-/// Amplitude of a sweep about a current.
+/// Amplitude of the calibration's sweep about a current, A.
 const SWEPT_A: f64 = 0.06;
 /// Gain error of the current amplifier on the board with a meter.
 const GAIN_ERROR: f64 = 0.08;
@@ -78,7 +78,7 @@ const GAIN_ERROR: f64 = 0.08;
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_calibration_makes_the_current_absolute() {
     let folder = tempfile::tempdir().unwrap();
-    // A third of the energy of 10 A, and so of the cooling time.
+    // A current of 6 A takes a third of the energy of 10 A, and so a third of the cooling time.
     let arguments = ["calibrate", "current", "--greatest", "6", "--json"];
     let found = json(&emulated(&arguments, folder.path()));
     let before_a = number(&found["worst_before_a"]);
@@ -89,7 +89,7 @@ fn a_calibration_makes_the_current_absolute() {
         "{before_a} {after_a}"
     );
     assert!(after_a < before_a);
-    // Its output is a command for `palpate encode`.
+    // The output file is a command for `palpate encode`.
     let command = fs::read_to_string(folder.path().join("current.jsonl")).unwrap();
     let mut encode = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["encode", "--boot", "7"])
@@ -222,7 +222,8 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let folder = tempfile::tempdir().unwrap();
     let meter = folder.path().join("meter");
     let served = serve(Some(meter.clone()));
-    // Uses the second value from now on, since the first contains time before.
+    // Waits for the second value of the meter from now on, since the first is averaged over time
+    // before.
     let lines = format!(
         "number() {{ cut -d' ' -f1 {0}; }}\nbegin=$(number)\n\
          while [ $(number) -lt $((begin + 2)) ]; do sleep 0.02; done\ncut -d' ' -f2 {0}",
@@ -244,8 +245,8 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let [before_a, after_a] = ["worst_before_a", "worst_after_a"].map(|of| number(&found[of]));
     println!("{before_a:.3} A, then {after_a:.3} A");
     assert!(before_a > 0.8 * GAIN_ERROR * 2.0, "{before_a}");
-    // The meter averages over other 80 ms than the board, and the rest at the ends of a sweep
-    // depends on this machine; no mean deviates by more than the sweep's amplitude.
+    // The meter averages over other 80 ms than the board. How long it reads at the ends of a sweep
+    // depends on this machine, but no mean deviates by more than the sweep's amplitude.
     assert!(after_a < SWEPT_A, "{after_a}");
     served.server.join().unwrap();
 }

@@ -65,7 +65,7 @@ fn what_one_command_calibrates_measures_in_the_next() {
     let calibrated = on_board(folder.path(), "7", &arguments);
     let stored = json(&calibrated);
     assert_eq!(stored["stored"], true);
-    // The cross-talk is that of the calibration just before.
+    // The cross-talk is still that of the calibration just before, so nothing is corrected.
     let untouched = on_board(
         folder.path(),
         "7",
@@ -87,7 +87,8 @@ fn what_one_command_calibrates_measures_in_the_next() {
         of("lower_n_per_m") <= truth && truth <= of("upper_n_per_m"),
         "{line}"
     );
-    // The press is on a spring of 9 N/mm, up to the deviations of its sensor's layers and stand.
+    // The emulated board is pressed onto a spring of 9 N/mm; layers and stand of its sensor deviate
+    // from their nominal values.
     assert!(
         (of("stiffness_n_per_m") / truth - 1.0).abs() < 0.15,
         "{line}"
@@ -129,7 +130,7 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
         (change - of("rise_change")).abs() < 2e-3,
         "{change} {checked}"
     );
-    // The spring differs from its stated stiffness.
+    // The spring has another stiffness than the one stated here.
     let refused = on_board(&["check", "--spring", "30000", "--store"]);
     let message = String::from_utf8(refused.stderr).unwrap();
     assert_eq!(refused.status.code(), Some(1), "{message}");

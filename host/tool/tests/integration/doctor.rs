@@ -44,7 +44,7 @@ fn calibrate(folder: &Path) {
     assert!(imported.status.success(), "{stderr}");
 }
 
-/// Flips a bit of the storage, in the frequency of the calibration above.
+/// Flips a bit of the stored calibration, in the frequency of the untouched sensor.
 fn upset(flash: &Path) {
     let mut contents = fs::read(flash).unwrap();
     let frequency = REST_HZ.to_le_bytes();
@@ -106,7 +106,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     let cleared = emulated(&["doctor", "--json", "--clear"], folder);
     assert_eq!(report(&cleared)["cleared"], "storage_damaged");
     assert_eq!(names(&cleared), ["storage_damaged", "not_calibrated"]);
-    // The remedy in the findings works.
+    // The remedy that the findings state works.
     calibrate(folder);
     assert_eq!(names(&emulated(&["doctor", "--json"], folder)), [""; 0]);
 }
@@ -119,7 +119,7 @@ fn a_port_that_another_program_uses_is_busy() {
     let folder = tempfile::tempdir().unwrap();
     let output = palpate(&["doctor", "--json", "--board", &board], folder.path());
     assert_eq!(names(&output), ["busy"]);
-    // Every verb reports it.
+    // Every verb reports that the port is busy.
     let output = palpate(&["settings", "get", "--board", &board], folder.path());
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1));

@@ -15,14 +15,14 @@ use crate::live::{Live, UPGRADE, memory};
 use crate::mutation::{Random, mutant};
 use crate::serve::Server;
 
-/// Time that an attacker waits for an answer.
+/// Time for which an attacker waits for an answer.
 const ATTACK: Duration = Duration::from_millis(30);
-/// Number of attacks between two well-behaved programs.
+/// After this many attacks on a server a well-behaved program tests it.
 const BETWEEN: u64 = 25;
-/// Limit of a server's additional memory, bytes.
+/// Limit of the memory, bytes, that a server may use in addition to that before the attacks.
 const MEMORY_BYTES: u64 = 64_000_000;
-/// Longest wait of a program for its answer, and of the tool for a useless board. A busy computer
-/// emulates slowly.
+/// Longest wait of a well-behaved program for its answer, and longest run of the tool with a board
+/// that sends invalid data. A busy computer emulates slowly.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const COMMANDS: &[u8] = include_bytes!("../../../../firmware/wire/fixture/v2-commands.bin");
@@ -244,7 +244,7 @@ fn at_a_false_board(seed: u64) -> Option<String> {
     Some(format!("{verb:?} at false board {seed}: {what}"))
 }
 
-/// Runs many in parallel, since they wait.
+/// Runs the tool with many such boards in parallel, since most of the time is waiting.
 fn at_false_boards((count, first): (u64, u64)) -> Vec<String> {
     let of = |worker: u64| {
         (first + worker..first + count)

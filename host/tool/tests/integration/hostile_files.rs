@@ -16,7 +16,7 @@ use crate::mutation::{Random, mutant};
 use crate::serve::Server;
 use crate::support::{CALIBRATION, emulated, image, palpate};
 
-/// Limits of a run: processor time and memory, and the time on a busy machine.
+/// Limits of a run of the tool: processor time and memory, and for a busy machine the time.
 const PROCESSOR_S: u64 = 10;
 const MEMORY_KIB: u64 = 4_000_000;
 const WALL_S: u64 = 60;
@@ -144,7 +144,7 @@ const KINDS: &[Kind] = &[
         file: "frames.bin",
         is_text: false,
         commands: &[&["decode"]],
-        // Noise on a line is normal.
+        // The verb accepts foreign bytes, since noise on a line is normal.
         refuses_others: false,
     },
     Kind {
@@ -202,7 +202,7 @@ impl Kind {
         self.commands == [SWEEP]
     }
 
-    /// Name of the file in a refusal.
+    /// Name by which a refusal names the file.
     fn named(&self) -> &str {
         match self.commands[0] {
             ["encode"] => "standard input",
@@ -497,7 +497,8 @@ fn foreign(random: &mut Random) -> Vec<Vec<u8>> {
 fn campaign(kind: &Kind, sound: &BTreeMap<String, Vec<u8>>, mutants: u64, first: u64) -> Tally {
     let mut tally = Tally::default();
     let mut others = foreign(&mut Random(first));
-    // A sweep starts with an empty file.
+    // An empty file is left out where it is also the output, since a sweep starts with an empty
+    // file.
     others.retain(|bytes| !bytes.is_empty() || !kind.is_output());
     let others_count = if mutants < 100 { 3 } else { others.len() };
     for (seed, bytes) in (0..).zip(others.iter().take(others_count)) {

@@ -18,8 +18,9 @@ stiffness_N_per_m = 2e3
 depth_m = 0.05e-3
 "#;
 
-/// The engines differ only in the times of events. With all disturbances, the converter's whole
-/// counts alone turn this into a fifth of a standard error or more, on some sensors.
+/// The engines differ only in the times of events. With all disturbances these times alone change a
+/// result by a fifth of a standard error or more on some sensors, since the converter counts whole
+/// periods.
 const IDEAL: &str = r#"
 stack = "ultrasoft"
 disturbances = "none"
@@ -73,7 +74,7 @@ fn the_log_has_its_lines_and_the_trace_its_signals() {
     let time_s: f64 = words.next().unwrap().parse().unwrap();
     assert!((0.01..0.2).contains(&time_s), "{line}");
     assert_eq!(words.next(), Some("info"));
-    // The board's own tests check its contents.
+    // This checks signals and size of the dump; the board's own tests check its contents.
     let dump = fs::read_to_string(&trace).unwrap();
     for signal in ["sda", "scl", "intb", "in1", "coil_current_a"] {
         assert!(dump.contains(&format!(" {signal} $end\n")), "{signal}");
@@ -96,17 +97,17 @@ fn ratios(folder: &Path, engine: &str) -> Vec<f64> {
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn the_image_finds_what_the_computer_finds() {
-    // Sensing spring over actuated spring of the sensor design.
+    // Stiffness of the sensing spring over that of the actuated spring, in the sensor design.
     let actuated_ratio = 6.0 / 4.0;
     let folder = tempfile::tempdir().unwrap();
     let computer = ratios(folder.path(), "native");
     let image = ratios(folder.path(), "image");
     assert_eq!((computer.len(), image.len()), (2, 2));
     for (here, there) in computer.iter().zip(&image) {
-        // Relative to the line's slope, the measured quantity.
+        // Relative to the slope of the line, which is the measured quantity.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // Limit above 3e-4, the effect of ten microseconds between the reported and the true
+        // The limit exceeds 3e-4, the effect of ten microseconds between the reported and the true
         // current.
         assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }

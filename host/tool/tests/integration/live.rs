@@ -13,9 +13,9 @@ use serde_json::Value;
 
 use crate::support::image;
 
-/// Number of file handles of the tool, fewer than the connections of a program.
+/// Limit of the tool's file handles, fewer than the connections that a program opens.
 const HANDLES: usize = 64;
-/// A busy computer answers slowly.
+/// Longest wait for an answer; a busy computer answers slowly.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The page's server; dropping it ends the process.
@@ -130,7 +130,7 @@ fn pages_that_send_long_frames_take_no_memory() {
         .map(|_| {
             let (mut socket, answer) = live.ask("socket", UPGRADE);
             assert!(answer.contains("101"), "{answer:?}");
-            // A socket that the server closes accepts less.
+            // The server may close the socket before all bytes are sent.
             let _ = socket.write_all(&frame);
             socket
         })

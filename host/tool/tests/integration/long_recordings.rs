@@ -29,7 +29,7 @@ fn the_time_for_a_file_does_not_grow_with_the_square_of_its_boots() {
     let folder = folder.path();
     let boots = of_boots(60_000);
     recording_of(&folder.join("many.mcap"), &boots);
-    // The same number of records in two boots.
+    // As many records as above, but in two boots.
     let few: Vec<Value> = boots
         .iter()
         .cloned()
@@ -66,7 +66,7 @@ fn a_far_time_stamp_is_jumped_over_and_said() {
     assert!(!estimates.is_empty());
     frames.extend(estimates.clone());
     let count = frames.len();
-    // A wrong time stamp in the middle.
+    // One record in the middle has a wrong time stamp.
     let times = (0..count as u64).map(|number| {
         let far = u64::from(number == 10) * 10_000_000_000_000_000_000;
         START_NS + number * 20_000_000 + far

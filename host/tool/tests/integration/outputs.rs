@@ -158,7 +158,7 @@ fn an_interrupted_campaign_has_the_sensors_that_were_done() {
     assert!(text.starts_with("seed 1: 5 of 5 "), "{text}");
     assert_eq!(fs::read_to_string(older).unwrap(), "older");
     let journal = folder.path().join("rows.csv.partial");
-    // The next run keeps the rows of the interrupted one.
+    // The next run keeps the rows that the interrupted one has written.
     let again = palpate(folder.path(), &arguments);
     let message = String::from_utf8(again.stderr).unwrap();
     assert_eq!(again.status.code(), Some(2), "{message}");

@@ -31,7 +31,7 @@ fn a_plan_is_explained() {
 fn a_plan_is_json_too() {
     let output = palpate(&["--channels", "0", "--rate", "1000", "--json"]);
     let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // 40 MHz halved: 999,058 ns at 20 MHz are 19,981 periods, 1248 times 16.
+    // The reference is 40 MHz halved: 999,058 ns at 20 MHz are 19,981 periods, 1248 times 16.
     assert_eq!(
         plan["plan"]["configuration"]["channels"][0]["rcount"],
         1_248
@@ -53,8 +53,8 @@ fn a_refusal_names_limit_and_remedy() {
     assert!(refusal["refusal"]["limit"].is_string());
 }
 
-/// Three registers of a frame take 142 bit times at 400 kHz plus 10 us of the master, two registers
-/// 95.
+/// At 400 kHz reading three registers of a frame takes 142 bit times plus 10 us of the master,
+/// reading two registers 95 bit times.
 #[test]
 fn a_rate_beyond_the_bus_is_refused_with_what_is_possible() {
     let refused = palpate(&["--rate", "4000"]);
@@ -82,7 +82,7 @@ fn a_conversion_holds_six_periods_of_the_slowest_sensor() {
     let output = palpate(&["--sensor", "1k..2k", "--json"]);
     let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
     let rcount = &plan["plan"]["configuration"]["channels"][0]["rcount"];
-    // 6 ms at 20 MHz.
+    // The conversion takes 6 ms at 20 MHz.
     assert_eq!(rcount.as_u64(), Some(7_500));
     let refused = palpate(&["--sensor", "1k..2k", "--rcount", "7499"]);
     let message = String::from_utf8(refused.stderr).unwrap();

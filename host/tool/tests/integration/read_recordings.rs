@@ -141,7 +141,7 @@ fn joined_recordings_are_read_to_the_end() {
         let twice = count.as_u64().map(|count| 2 * count);
         assert_eq!(both["records"][kind].as_u64(), twice, "{kind}");
     }
-    // Bytes behind a recording that are not a recording are reported.
+    // Bytes that follow a recording and are not a recording are reported.
     fs::write(
         folder.join("tail.mcap"),
         [&one[..], b"something else"].concat(),

@@ -105,7 +105,8 @@ fn what_an_emulated_board_sends_is_in_the_tables_without_a_gap() {
         let of = |name: &str| row[name].parse::<f64>().unwrap();
         let frequency_hz = of("channels_0_frequency_hz");
         assert!((1e6..10e6).contains(&frequency_hz), "{frequency_hz}");
-        // Samples arrive in packets. A date as a float is accurate to a quarter of a microsecond.
+        // Samples arrive in packets, yet `device_time_s` keeps a constant offset from `time_us`. A
+        // date as a float is accurate to a quarter of a microsecond.
         let behind_s = of("device_time_s") - 1e-6 * of("time_us");
         let step_s = behind_s - before_s.replace(behind_s).unwrap_or(behind_s);
         assert!(step_s.abs() < 1e-6, "{step_s} s");
@@ -156,7 +157,7 @@ fn a_recording_goes_on_with_the_next_boot_and_ends_with_ctrl_c() {
         samples(folder.path(), "r.mcap.partial") > 0
     });
     drop(first);
-    // Another board, since the same one would repeat its random numbers.
+    // Starts another board: the same one would repeat its random numbers.
     let _second = Server::at(&address, &["--seed", "2", "--state", &flash]);
     wait_until("the second boot is recorded", || {
         info(folder.path(), "r.mcap.partial").is_some_and(|info| {

@@ -126,7 +126,7 @@ fn simulate_writes_what_decode_prints_of_the_same_frames() {
     for (printed, written) in printed.lines().zip(&frames) {
         assert_eq!(printed, *written);
     }
-    // Numbered from 0, as on a board.
+    // The frames are numbered from 0, as on a board.
     for (number, text) in (0..).zip(&frames) {
         let RecordLine::Frame(frame) = line(text) else {
             panic!("{text}");
@@ -143,7 +143,7 @@ fn the_fixture_is_decoded_to_its_listing() {
     let listing = fs::read_to_string(folder.join("v2-records.jsonl")).unwrap();
     assert_eq!(printed.lines().count(), listing.lines().count());
     for (printed, listed) in printed.lines().zip(listing.lines()) {
-        // The listing has offset and length before the same text.
+        // A line of the listing has offset and length before the text of the frame.
         let (_, rest) = listed.split_once("\"header\"").unwrap();
         assert_eq!(printed, format!("{{\"header\"{rest}"));
     }

@@ -32,7 +32,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert_eq!(count("uncertainty_budget", "identical"), 1, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
-    // As rewritten by other programs, with the notes behind the messages.
+    // A file as other programs rewrite it, with the notes behind the messages.
     rewritten(&folder.join("r.mcap"), &folder.join("w.mcap"));
     let again = json(&palpate(&["replay", "w.mcap", "--json"], folder));
     assert_eq!(again["kinds"], replayed["kinds"], "{again}");
@@ -64,7 +64,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     }
 }
 
-/// Copies the messages, with all metadata behind them.
+/// Copies the messages of a recording, with all its metadata behind them.
 fn rewritten(from: &Path, to: &Path) {
     let bytes = fs::read(from).unwrap();
     recording_with(to, |writer| {

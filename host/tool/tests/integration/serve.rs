@@ -21,7 +21,7 @@ pub(super) struct Server {
     pub(super) child: Child,
     pub(super) address: String,
     said: BufReader<ChildStderr>,
-    /// Its own user folder, since no two servers run the same board.
+    /// User folder of this server alone, since no two servers run the same board.
     _folder: tempfile::TempDir,
 }
 
@@ -69,7 +69,7 @@ impl Server {
     }
 }
 
-/// Rest of the line that starts with `beginning`.
+/// Text that follows `beginning` in the line that starts with it.
 fn place(said: &mut BufReader<ChildStderr>, beginning: &str) -> String {
     let mut lines = said.by_ref().lines().map(Result::unwrap);
     let place = lines.find_map(|line| Some(line.strip_prefix(beginning)?.to_owned()));
@@ -191,7 +191,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
 fn store(flash: &Path) -> u32 {
     let server = Server::start(&["--state", &flash.to_string_lossy()]);
     let mut program = server.connect();
-    // Settings need the boot id.
+    // Asks for the boot id, which a command that sets settings has to name.
     program.hello();
     let settings = program.ask(&palpate_wire::Command::GetSettings, |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
@@ -208,7 +208,7 @@ fn store(flash: &Path) -> u32 {
         (stored.action, stored.succeeded),
         (StorageAction::Store, true)
     );
-    // An answer follows the write of the file, after the flash is idle.
+    // Waits for an answer, which arrives after the file was written: the flash is then idle.
     program.hello();
     stored.stored_crc
 }
@@ -249,7 +249,7 @@ fn a_request_of_a_browser_reaches_no_board() {
     let mut buffer = [0; palpate_wire::Command::MAX_FRAME];
     let identify = palpate_wire::Command::Identify;
     let frame = encode(&sequencer.stamp(0), &identify, &mut buffer).unwrap();
-    // A delimiter first, so that the frame starts there.
+    // A delimiter before the frame, so that the frame starts there.
     let body = [&[0], frame].concat();
     for method in ["POST", "OPTIONS", "X"] {
         let closed = exchange(&server.address, &request(method, &body));

@@ -180,7 +180,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     let said = String::from_utf8_lossy(&beyond.stderr);
     assert_eq!(beyond.status.code(), Some(2), "{said}");
     assert!(said.contains("allowed are 1 to 5000 Hz"), "{said}");
-    // Within the protocol's range; the board allows 12 A.
+    // 15 A is within the protocol's range, but the board allows 12 A.
     let narrower = settings(&["set", "peak_current_a=15"], folder.path());
     let said = String::from_utf8_lossy(&narrower.stderr);
     assert_eq!(narrower.status.code(), Some(1), "{said}");
@@ -188,7 +188,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
         said.contains("out_of_range") && said.contains("changed were: peak_current_a"),
         "{said}"
     );
-    // Limit of converter and bus.
+    // The rate exceeds the limit of converter and bus.
     let faster = settings(&["set", "rate_hz=4000"], folder.path());
     let said = String::from_utf8_lossy(&faster.stderr);
     assert_eq!(faster.status.code(), Some(1), "{said}");

@@ -101,7 +101,7 @@ fn with_other_seeds_every_estimate_is_as_good() {
         .collect();
     assert!(estimates.len() >= 36, "{} of 40", estimates.len());
     let held = estimates.iter().filter(|line| line["within_claim"] == true);
-    // Fewer than 34 of 40 intervals of 95 % cover the truth once in three hundred cases.
+    // By chance fewer than 34 of 40 intervals of 95 % cover the truth once in three hundred cases.
     let missed = estimates.len() - held.count();
     assert!(missed <= 6, "{missed} of {} miss", estimates.len());
     for line in estimates {
@@ -194,7 +194,7 @@ fn gives_the_same_bytes(scenario: &Path) {
             fs::read(records).unwrap(),
         )
     };
-    // Sequential, then both at once on two cores.
+    // Runs the command once, then twice at the same time on two cores.
     let first = run();
     let (here, there) = std::thread::scope(|scope| {
         let there = scope.spawn(run);
@@ -320,7 +320,7 @@ fn bad_scenarios_are_refused_with_file_line_and_what_is_allowed() {
             assert!(message.contains(part), "{part:?} in {message:?} of\n{text}");
         }
     }
-    // A sensor design that does not exist.
+    // The scenario names a sensor design that does not exist.
     let (_folder, file) = written(&with("ultrasoft", "mine.toml"));
     let output = palpate(&["simulate", file.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
@@ -369,7 +369,7 @@ fn a_campaign_counts_in_every_world() {
         cells[2..5].to_vec()
     };
     assert_eq!(holds(calibrated), ["3", "0", "100.0 %"], "{calibrated}");
-    // An error that the sensor cannot know counts as a miss.
+    // The sensor cannot know this error, but the interval that misses the truth counts as a miss.
     assert_eq!(holds(weaker), ["3", "0", "0.0 %"], "{weaker}");
 
     let output = palpate(&[&sensors[..], &worlds[..], &["--json"]].concat());

@@ -41,20 +41,21 @@ fn posted_words_are_ratios_within_the_window() {
         let gate = 32.0 * number("rcount");
         assert!((gate - 30.0..=gate - 10.0).contains(&number("n")), "{row}");
         assert_eq!(row["plausible"], true);
-        // The frequency is that of the ratio, within half a unit of the word.
+        // The frequency is that of the ratio m/n, within half a unit of the word.
         let of_ratio = number("fref_hz") * number("m") / number("n");
         let lsb_hz = number("fref_hz") / 268_435_456.0;
         assert!(
             (number("frequency_hz") - of_ratio).abs() <= 0.5 * lsb_hz,
             "{row}"
         );
-        // Between the smallest and the largest quantisation of the two-gate counter.
+        // The uncertainty is between the smallest and the largest quantisation of the two-gate
+        // counter.
         let relative = number("sigma_hz") / number("frequency_hz") * number("rcount");
         assert!((0.0127..0.0257).contains(&relative), "{row}");
     }
 }
 
-/// Windows line ends, also with blank lines: the reported line is the editor's.
+/// Also with Windows line ends and blank lines the reported line is that of an editor.
 #[test]
 fn a_wrong_word_is_named_by_its_line_whatever_ends_lines() {
     let lines = "source,fref_hz,rcount,kind,value\na,40e6,65535,word,0x01234567\n\nb,40e6,65535,word,01234567\n";
@@ -99,7 +100,7 @@ fn columns_may_stand_in_any_order() {
 
 #[test]
 fn words_with_flags_and_at_the_ends_of_the_range_are_named_and_not_judged() {
-    // DATAx, its quality, and whether its ratio has a verdict.
+    // The word in DATAx, its quality, and whether its ratio of counts has a verdict.
     let words = [
         ("0x4409e8b", "above_quarter_reference", true),
         ("0x14409e8b", "above_quarter_reference", true),
