@@ -51,7 +51,7 @@ impl Traced {
 const NOISE_A: f64 = 0.052;
 /// Greatest duty of the bridge; its upper switches need the remaining part of the period.
 const DUTY: f64 = 0.98;
-/// Greatest relative deviation of the settled current from the setpoint. Both are by the board's
+/// Greatest relative deviation of the settled current from the setpoint. The current is the board's
 /// own reading, which does not show the offset and the nonlinearity of an uncalibrated measurement.
 const SETTLED: f64 = 0.01;
 /// Limits of overshoot and nonlinearity that docs/firmware.md promises, relative.
