@@ -267,7 +267,7 @@ impl Problem {
         SHARED + 3 * self.trains.len()
     }
 
-    /// Number of unknowns.
+    /// Number of the fit's unknowns.
     fn unknowns(&self) -> usize {
         self.growth() + usize::from(self.growing_m_per_a2.is_some())
     }

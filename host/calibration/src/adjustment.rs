@@ -69,7 +69,7 @@ pub(crate) struct Adjusted {
     pub(crate) layer: Layer,
     /// Scatter of the trains' kappa about the adjusted layer, relative to W.
     pub(crate) scatter: f64,
-    /// Covariance of the quantities.
+    /// Covariance of the five adjusted quantities.
     pub(crate) covariance: [Changes; QUANTITIES],
     /// Covariance of the quantities if the springs were exact.
     pub(crate) covariance_of_exact_springs: [Changes; QUANTITIES],

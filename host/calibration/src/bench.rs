@@ -105,7 +105,7 @@ pub enum BrokenOff {
     Answer {
         /// The command's name.
         name: &'static str,
-        /// Its answer.
+        /// The instrument's answer to the command.
         outcome: Outcome,
     },
     /// The train of ramps ended early, for this reason.
@@ -297,7 +297,7 @@ impl BenchPlan {
         }
     }
 
-    /// Smallest number of runs.
+    /// Smallest number of runs: those with a train, and one press without a train.
     pub fn runs(&self) -> usize {
         self.tasks().len() + 1
     }

@@ -33,7 +33,7 @@ pub struct Calibration {
     pub actuated: Actuated,
     /// Relative error of the signal per relative error of the stiffening, at the mean depth.
     pub stiffening_of_signal: f64,
-    /// Remaining uncertainty.
+    /// Uncertainty that the calibration leaves.
     pub uncertainty: Uncertainty,
     /// Cross-talk of the coil's current.
     pub crosstalk: Crosstalk,

@@ -44,7 +44,7 @@ impl Actuated {
         samples.iter().map(point).collect()
     }
 
-    /// Bend of a train's line.
+    /// Fits the bend of a train's line.
     pub(crate) fn bend(
         &self,
         samples: &[FallSample],
@@ -64,7 +64,7 @@ impl Actuated {
             system.add(row, residual, 1.0 / depth_m);
         }
         let solved = system.solve("the bend of a train by itself")?;
-        // h is zero or negative.
+        // h is zero or negative, and its span counts as negative too.
         let span = low - high;
         Ok(Bend {
             value: solved.unknowns.last().copied().unwrap_or(0.0) * span,
@@ -135,7 +135,7 @@ pub(crate) struct Bend {
 }
 
 impl Bend {
-    /// Weighted mean.
+    /// Mean of the bends, each weighted by the inverse of its variance.
     pub(crate) fn mean(bends: &[Self]) -> f64 {
         let (sum, weights) = bends.iter().fold((0.0, 0.0), |(sum, weights), bend| {
             (

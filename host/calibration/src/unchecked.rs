@@ -22,7 +22,7 @@ pub enum Unchecked {
     OtherSession,
     /// The cross-talk of the untouched sensor has changed too much.
     OtherField {
-        /// Relative change.
+        /// Relative change of the cross-talk.
         change: f64,
     },
 }

@@ -46,7 +46,7 @@ const LEAST_FALLS: f64 = 0.5;
 /// The bench's own train without a press, for comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct OnTheBench<'r> {
-    /// Notes of the train.
+    /// Data of the train, recorded on the bench.
     pub run: &'r Run,
     /// Commands of the calibration from the bench, before any check.
     pub commands: &'r [Command],

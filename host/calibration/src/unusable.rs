@@ -54,9 +54,9 @@ pub enum Unusable {
 /// deformation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
-    /// Change at the peak current.
+    /// Change of the deformation at the peak current, relative to the deformation.
     pub change: f64,
-    /// Standard deviation of a sample about the fit.
+    /// Standard deviation of a sample about the fit, relative to the deformation.
     pub scatter: f64,
 }
 

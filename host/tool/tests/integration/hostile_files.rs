@@ -333,7 +333,7 @@ fn as_toml(lines: &str) -> String {
     text
 }
 
-/// End of a command.
+/// How a run of a command ended.
 struct Run {
     status: ExitStatus,
     said: String,

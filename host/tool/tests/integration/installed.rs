@@ -142,7 +142,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let message = String::from_utf8(named.stderr).unwrap();
     assert!(named.status.success(), "{message}");
     assert!(!message.contains("building"), "{message}");
-    // Inside the checkout.
+    // Inside the checkout the tool takes the checkout's image.
     let workspace = firmware::workspace().unwrap();
     let found = run(&tool, &workspace.join("docs"), &coil);
     let message = String::from_utf8(found.stderr).unwrap();

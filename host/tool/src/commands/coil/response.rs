@@ -94,7 +94,7 @@ impl StepResponse {
             }
             _ => None,
         });
-        // Last point at rest.
+        // The step begins after the last point at rest.
         let begins = points
             .iter()
             .take_while(|(_, of)| *of * size_a < 3.0 * NOISE_A);

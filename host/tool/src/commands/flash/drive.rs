@@ -97,7 +97,7 @@ mod tests {
         assert!(is_drive(drive));
         write(drive, b"firmware").unwrap();
         assert_eq!(fs::read(drive.join("palpate.uf2")).unwrap(), b"firmware");
-        // A Pico 2.
+        // The drive of a Pico 2 is not one of an RP2040.
         fs::write(
             drive.join("INFO_UF2.TXT"),
             info.replace("RPI-RP2", "RP2350"),

@@ -80,7 +80,7 @@ pub(super) struct Desk {
     requests: Arc<SyncSender<Request>>,
 }
 
-/// Creates both ends.
+/// Creates both ends of the channels between the board's thread and the pages.
 pub(super) fn between() -> (Feed, Desk) {
     let (samples, _) = broadcast::channel(WAITING);
     let (state, states) = watch::channel(Utf8Bytes::default());

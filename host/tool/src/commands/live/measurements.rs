@@ -17,7 +17,7 @@ const KEPT: usize = 500;
 /// A measurement with its result.
 #[derive(Debug, Serialize)]
 struct Measurement {
-    /// Arrival, ms since 1970.
+    /// Arrival of the result, ms since 1970.
     time_ms: u64,
     /// Number since the start of the board.
     number: u32,

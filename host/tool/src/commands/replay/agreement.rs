@@ -23,7 +23,7 @@ pub(super) struct Count {
     pub(super) replayed: u64,
     /// Number of recomputed records whose bytes equal those of the recording.
     pub(super) identical: u64,
-    /// Skipped records.
+    /// Number of recorded records that the replay skipped.
     pub(super) passed_over: u64,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Difference {
 #[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct Agreement {
     kinds: BTreeMap<&'static str, Count>,
-    /// Skipped records by reason.
+    /// Number of records that the replay skipped, by the reason.
     passed_over: BTreeMap<String, u64>,
     first_difference: Option<Difference>,
 }

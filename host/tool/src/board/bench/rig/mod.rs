@@ -91,7 +91,7 @@ pub(crate) struct RigBench<'l> {
     frequency_hz: f64,
     /// Frequency of the sensor before the first contact, Hz.
     rest_hz: Option<f64>,
-    /// Position of the stage at the touch, m.
+    /// Position of the stage at the last touch, m; of a stage that a program moves.
     touch_m: f64,
 }
 
