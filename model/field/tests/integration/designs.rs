@@ -15,6 +15,7 @@ fn small(name: &str) -> (Design, Solved) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn every_design_reaches_its_accuracy() {
     for name in BUILTIN {
         let (design, solved) = small(name);
@@ -165,6 +166,7 @@ fn an_accuracy_that_is_not_reached_is_reported() {
 /// Profiles have the requested accuracy wherever they run, except near corners: near copper and
 /// plates too.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn profiles_along_and_across() {
     profiles_reach_their_accuracy("A");
 }
@@ -223,6 +225,7 @@ fn profiles_reach_their_accuracy(name: &str) {
 /// The field at a point is no more accurate than that of the thin windings beside it: 0.16 mm above
 /// the copper of A, between two rings, where it is weak.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_profile_beside_thin_copper_reaches_its_accuracy() {
     let (design, solved) = small("A");
     let points: Vec<[f64; 2]> = (0..=40)

@@ -155,6 +155,7 @@ fn sixty_rings_over_wide_sheets_are_within_their_stated_errors_in_5_s_each() {
 /// Regression test: a sheet of 200 mm radius and 30 mm thickness had an error of 8 % with 0.1 %
 /// stated.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_wider_sheet_changes_a_ring_by_no_more_than_its_stated_error() {
     let ring = Ring {
         r_m: [19.5e-3, 20.5e-3],

@@ -195,6 +195,7 @@ fn more_than_the_bus_can_fetch_from_both_is_refused() {
 
 /// If INTB is pulled low or released for a microsecond, there is no extra record.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_disturbance_of_intb_is_no_sample() {
     for (low, lasting_ns) in [(true, 500), (true, 1_500), (false, 1_000)] {
         let mut bench = RecordedBoard::new();
@@ -307,6 +308,7 @@ fn the_first_loses_nothing_while_the_second_starts_anew() {
 /// While the bus is freed, the I2C block is in reset or has no pins: an access to the block would
 /// stop the run.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
     const PHASES: u64 = 8;
     let running = streaming();
