@@ -5,10 +5,8 @@
 //! cargo build -p coil-hbridge --example rp2040 --target thumbv6m-none-eabi
 //! ```
 //!
-//! The interrupt waits for the middle of its period, which keeps the program short but takes half
-//! of the processor's time; a converter paced by DMA leaves that time free.
-//! On any other target it only prints which target it needs, since examples are built with the
-//! tests.
+//! The interrupt handler waits for the middle of the PWM period, which keeps the program short but
+//! takes half of the processor's time; a converter paced by DMA leaves that time free.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -39,7 +37,8 @@ mod app {
 
     /// Steps of the PWM from the start of a period to its middle.
     const FULL_LEVEL: u16 = 2000;
-    /// PWM period in microseconds: twice `FULL_LEVEL` at 125 MHz, divided by 2.
+    /// PWM period in microseconds: 2 `FULL_LEVEL` counts at 62.5 MHz, half of the system clock of
+    /// 125 MHz.
     const PERIOD_US: u32 = 64;
     /// Supply voltage. A board with a divider at a converter input measures it instead.
     const SUPPLY_V: f32 = 12.0;
@@ -68,7 +67,8 @@ mod app {
         inductance_h: [100e-6, 2e-3],
     };
 
-    /// One ramp: end of each line, A, and its duration, s. A rise, a hold and the fall.
+    /// Current lines of one ramp (rise, hold, fall): current at the end of the line, A, and
+    /// duration, s.
     const RAMP: [(f32, f32); 3] = [(2.5, 5e-3), (2.5, 10e-3), (0.5, 50e-3)];
     const RAMPS: usize = 8;
 
@@ -85,7 +85,7 @@ mod app {
         delay: Timer,
     }
 
-    /// Resources of the interrupt.
+    /// Peripherals and drive that the interrupt handler uses.
     pub struct Bridge {
         drive: Drive,
         pwm: Slice<Pwm0, FreeRunning>,
@@ -95,7 +95,8 @@ mod app {
     }
 
     impl Bridge {
-        /// Runs one period: samples at its start and in its middle, levels for the next one.
+        /// Runs one PWM period: samples at its start and in its middle, and sets the levels of the
+        /// next period.
         fn period(&mut self) {
             self.pwm.clear_interrupt();
             let first = self.adc.read_single();
@@ -190,13 +191,13 @@ mod app {
                             let line = CurrentLine::at_once(to_a, over_s);
                             supervisor.follow(&report, &line, || 0)
                         }
-                        // Otherwise the last current would continue to flow.
+                        // Otherwise the current of the last line would continue to flow.
                         None => Ok(Supervisor::stop()),
                     }
                 }
                 _ => continue,
             };
-            // A program with a user interface reports the refusal.
+            // A program with a user interface would report a refused order.
             if let Ok(order) = order {
                 cx.shared.bridge.lock(|bridge| bridge.drive.apply(&order));
             }

@@ -46,7 +46,8 @@ struct SimulatedBoard {
 }
 
 impl SimulatedBoard {
-    /// Runs one period: two samples in, two levels out, which take effect from the next period on.
+    /// Runs one PWM period: feeds two samples to the drive, whose two levels take effect from the
+    /// next period on.
     fn period(&mut self, drive: &mut Drive) {
         let count = (2048.5 + self.current_a / HARDWARE.ampere_per_count) as u16;
         let output = drive.tick([count, count], false);
@@ -60,7 +61,7 @@ impl SimulatedBoard {
         self.current_a += (coil_v - 0.4 * self.current_a) * HARDWARE.period_s / 40e-6;
     }
 
-    /// Runs one millisecond: the interrupt's periods, then the task.
+    /// Runs one millisecond: the PWM periods of the interrupt, then the supervisor's task.
     fn millisecond(&mut self, drive: &mut Drive, supervisor: &mut Supervisor) {
         (0..PERIODS).for_each(|_| self.period(drive));
         let order = supervisor.attend(&drive.report(), SUPPLY_V, PERIODS * 16);
@@ -76,7 +77,7 @@ fn main() -> Result<(), Refusal> {
     (0..300).for_each(|_| board.millisecond(&mut drive, &mut supervisor));
     println!("{:?}", supervisor.findings());
 
-    // Two ramps: end of each line, A, and its duration, s.
+    // Current lines of two ramps: current at the end of the line, A, and duration, s.
     let mut lines = [(8.0, 2e-3), (8.0, 3e-3), (2.0, 10e-3)]
         .repeat(2)
         .into_iter();

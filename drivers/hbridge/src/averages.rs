@@ -2,17 +2,18 @@
 
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
 
-/// Number of periods whose currents are stored as one sum.
+/// Number of PWM periods whose currents are stored as one sum, a block.
 pub const BLOCK: u32 = 16;
-/// Length of a block in sixteenths of a period.
+/// Length of a block in sixteenths of a PWM period.
 const LENGTH: i64 = 16 * BLOCK as i64;
 
-/// A point in time: whole periods since the start, which wrap, and sixteenths of the next period.
+/// A point in time: number of whole PWM periods since the start, which wraps, and sixteenths of the
+/// period that follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// Whole periods since the start.
     pub periods: u32,
-    /// Sixteenths of the next period, below 16.
+    /// Sixteenths of the following period, below 16.
     pub sixteenths: u32,
 }
 
@@ -39,18 +40,18 @@ impl From<u32> for Moment {
     }
 }
 
-/// The measured current of the last `N` blocks, as running sums: written by the control interrupt,
+/// Running sums of the measured current over the last `N` blocks: written by the control interrupt,
 /// read by any task without a lock.
 ///
-/// Times are numbers of periods since the start, which wrap.
+/// Times are numbers of PWM periods since the start, which wrap.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Averages<const N: usize> {
-    /// Periods so far; wraps.
+    /// Number of PWM periods so far; wraps.
     periods: AtomicU32,
-    /// Sum of all units so far; wraps. Written by the interrupt alone.
+    /// Sum of the currents of all periods so far, in units; wraps. Written by the interrupt alone.
     total: AtomicI32,
-    /// Sum of all units up to the end of each block; wraps.
+    /// Sum of the currents of all periods up to the end of each block, in units; wraps.
     sums: [AtomicI32; N],
 }
 
@@ -61,7 +62,7 @@ impl<const N: usize> Default for Averages<N> {
 }
 
 impl<const N: usize> Averages<N> {
-    /// Creates an empty record.
+    /// Creates an instance without any current.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -82,7 +83,7 @@ impl<const N: usize> Averages<N> {
         {
             sum.store(total, Ordering::Relaxed);
         }
-        // Stored last, so that a reader that sees this number also sees the block's sum.
+        // Stored last, so that a reader that sees this number of periods also sees the block's sum.
         self.periods.store(periods, Ordering::Release);
     }
 
@@ -92,7 +93,7 @@ impl<const N: usize> Averages<N> {
         self.periods.load(Ordering::Acquire)
     }
 
-    /// Sum of all units up to the end of a block; wraps.
+    /// Sum of the currents of all periods up to the end of a block, in units; wraps.
     fn sum(&self, end: u32) -> i32 {
         let index = (end / BLOCK) as usize % N;
         self.sums
@@ -100,7 +101,8 @@ impl<const N: usize> Averages<N> {
             .map_or(0, |sum| sum.load(Ordering::Relaxed))
     }
 
-    /// The end of the block that contains `moment`, or of the last whole block before `now`.
+    /// The end of the block that contains `moment` if that block is complete, otherwise of the last
+    /// complete block before `now`.
     fn whole(moment: u32, now: u32) -> u32 {
         let end = (moment - moment % BLOCK).wrapping_add(BLOCK);
         let is_whole = now.wrapping_sub(end) as i32 >= 0;
@@ -111,18 +113,18 @@ impl<const N: usize> Averages<N> {
     /// less than a block in the future.
     fn kept(&self, from: u32, to: u32) -> Option<u32> {
         let now = self.now();
-        // Keeps two blocks in reserve: the one that may be written meanwhile, and the one before
-        // the window's first.
+        // Keeps two more blocks in reserve: the one that the interrupt may be writing, and the one
+        // before the first block of the window.
         let kept = BLOCK * (N as u32).saturating_sub(3);
         let is_kept = now.wrapping_sub(from) <= kept;
         let is_past = (to.wrapping_sub(now) as i32) < BLOCK as i32;
         (from != to && is_kept && is_past).then_some(now)
     }
 
-    /// Mean of a function of the current between two times, in the unit of the function. The
-    /// function takes units and is evaluated once per block; within a block the current counts as
-    /// constant. If the window ends after the last whole block, that block also stands for the
-    /// rest.
+    /// Mean over a window of a function of the current, in the unit of the function. The function
+    /// receives units and is evaluated once per block: within a block the current counts as
+    /// constant. For the part of the window after the last complete block, the current of that
+    /// block is used.
     ///
     /// `None` if the window is empty, older than the stored blocks, or ends a block or more in the
     /// future.
@@ -141,10 +143,10 @@ impl<const N: usize> Averages<N> {
         Some(sum / to.wrapping_sub(from) as f32)
     }
 
-    /// Mean of the current itself between two moments, as the difference of the running sums at
-    /// both. Within a block the current is a straight line with the slope between the neighbouring
-    /// blocks; a constant would be off by up to an eighth of the change within a block, times the
-    /// block.
+    /// Mean current between two moments, in units: the difference of the running sums at both.
+    /// Within a block the current is assumed to be a straight line whose slope is that between the
+    /// neighbouring blocks. Assuming a constant instead would shift the running sum at either end
+    /// by up to an eighth of the current's change within the block, times the block's length.
     fn mean(&self, from: Moment, to: Moment) -> Option<f32> {
         let length = to.since(from);
         let now = self.kept(
@@ -160,7 +162,8 @@ impl<const N: usize> Averages<N> {
                     .wrapping_sub(self.sum(end.wrapping_sub(BLOCK)))
             };
             let change = i64::from(block(after).wrapping_sub(block(begin)));
-            // Half the change over one block, or over two blocks.
+            // The product is shifted by one bit more where `change` spans two blocks instead of
+            // one.
             let halves = LENGTH.ilog2() + 1 + u32::from(after != end);
             // Position within the block, in sixteenths of a period.
             let at = i64::from(moment.since(begin.into()));
@@ -181,8 +184,8 @@ impl<const N: usize> Averages<N> {
     }
 
     /// Mean of a function of the current, A, over the window from `from` to `to`. For a function
-    /// that is not a straight line it differs from the function of the mean. It does not include
-    /// changes within a block, such as the PWM ripple: see [`Ripple`](crate::Ripple).
+    /// that is not linear it differs from the function of the mean. It does not include changes
+    /// within a block, such as the PWM ripple: see [`Ripple`](crate::Ripple).
     #[must_use]
     pub fn mean_of_current(
         &self,

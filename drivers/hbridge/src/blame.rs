@@ -1,32 +1,34 @@
 //! Tells a weak supply from other causes of missing current.
 //!
-//! The bridge switches off at once in either case. The supply's reading arrives later, through the
-//! capacitor of its divider; so the latched fault is checked again until the reading has settled.
+//! The bridge switches off at once in either case. The supply's reading lags behind its voltage,
+//! since the divider has a capacitor; so the supply is checked after the fault until the reading
+//! has settled.
 
 use crate::drive::{DriveState, Report};
 use crate::fault::Fault;
 
-/// Time for the supply's reading to settle, us: five time constants of a divider of 1 ms.
+/// Longest wait for the supply's reading to settle, us: five time constants of a divider of 1 ms.
 const SETTLES_US: u32 = 5_000;
-/// A reading that falls by less than this fraction from one poll to the next has settled: seven
-/// times the noise of two codes of 9 mV each at 12 V.
+/// Relative fall of the supply's reading from one poll to the next below which the reading has
+/// settled: seven times the noise, which is two codes of 9 mV at 12 V.
 const FALLS: f32 = 0.01;
-/// Number of polls that count: a supply that breaks down under load recovers when the bridge
-/// switches off.
+/// Number of latest polls whose lowest reading is compared: a supply that breaks down under load
+/// recovers as soon as the bridge switches off.
 const READINGS: usize = 3;
-/// A supply below this fraction of its voltage without load explains a missing current: the watch
-/// reports a current as missing when the law gives 1.5 times the voltage that it should take.
+/// A supply voltage below this fraction of the voltage without load explains a missing current: the
+/// watch reports a current as missing when the applied level is 1.5 times what the measured current
+/// needs.
 const EXPLAINS: f32 = 2.0 / 3.0;
 
-/// Supply voltages needed, V.
+/// Voltages with which the supply's reading is compared, V.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Needs {
     /// Lower limit of the supply.
     pub(crate) limit_v: f32,
     /// Supply voltage while no current flows.
     pub(crate) open_v: f32,
-    /// Voltage that the setpoint needs through the circuit as tested, including the supply's own
-    /// resistance, at the greatest duty.
+    /// Supply voltage with which the greatest duty just drives the setpoint through the circuit as
+    /// tested, including the supply's own resistance.
     pub(crate) setpoint_v: f32,
 }
 
@@ -50,12 +52,13 @@ impl Needs {
 /// Decides whether the supply caused a fault.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SupplyDiagnosis {
-    /// Readings at the last polls, the latest first.
+    /// Readings of the supply at the last polls, the latest first.
     readings_v: [f32; READINGS],
     was_latched: bool,
-    /// Voltage below which the supply is the cause, and the time left to wait for its reading, us.
+    /// While the fault is being checked: voltage below which the supply is its cause, and longest
+    /// time left to wait for the supply's reading, us.
     open: Option<(f32, u32)>,
-    /// The supply's lowest voltage and the voltage needed, if it was too low.
+    /// The supply's lowest reading and the voltage needed, if the supply caused the fault.
     pub(crate) low_v: Option<[f32; 2]>,
 }
 

@@ -3,19 +3,20 @@
 use crate::fault::Refusal;
 use crate::hardware::Hardware;
 
-/// Units per piece, as a power of two: 256 counts of the converter.
+/// Distance of two knots of the correction in units, as a power of two: 2⁹ units are 256 counts of
+/// the converter.
 const PIECE: u32 = 9;
 const KNOTS: usize = 17;
-/// First knot, in units.
+/// Measured current of the first knot, in units.
 const FIRST: i32 = -(1 << PIECE) * (KNOTS as i32 / 2);
-/// Greatest correction: this fraction of the measured current, and a number of units in addition.
+/// Greatest correction: the sum of this fraction of the measured current and of `GREATEST_UNITS`.
 const GREATEST_PART: f32 = 0.1;
 const GREATEST_UNITS: f32 = 128.0;
 
 /// Corrections of the measured current at 17 points of the converter's range, linear between them:
 /// removes gain errors and the converter's nonlinearity.
 ///
-/// Of a nonlinearity of one sine wave over the range, 2 % of the amplitude remain.
+/// If the nonlinearity is one sine wave over the range, 2 % of its amplitude remain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Correction([i16; KNOTS]);
@@ -30,12 +31,13 @@ impl Correction {
     /// No correction.
     pub const NONE: Self = Self([0; KNOTS]);
 
-    /// Creates a correction from pairs of measured and true current, A, in rising order; linear
-    /// between the pairs, and proportional beyond the outermost.
+    /// Creates a correction from pairs of measured and true current, A, in rising order. The
+    /// correction is linear between the pairs; beyond the outermost pair it is proportional to the
+    /// current.
     ///
     /// # Errors
     /// [`Refusal::Correction`]: fewer than two pairs, pairs that do not rise, values that are not
-    /// finite, or a correction above a tenth of the current and 64 counts.
+    /// finite, or a correction above the sum of a tenth of the current and 64 counts.
     pub fn new(pairs: &[[f32; 2]], hardware: &Hardware) -> Result<Self, Refusal> {
         let rises = pairs.windows(2).all(|of| match of {
             [[low, _], [high, _]] => high > low,
@@ -57,7 +59,8 @@ impl Correction {
                 } else {
                     *last
                 };
-                // Proportional where that is defined.
+                // Proportional to the current, if the outermost pair's two currents have the same
+                // sign and the measured one is not too close to zero.
                 if (reported_a > 0.0) == (measured > 0.0) && measured.abs() > 64.0 * unit_a {
                     (of - measured) * reported_a / measured
                 } else {
@@ -71,7 +74,7 @@ impl Correction {
             if units.is_nan() || units.abs() > most {
                 return Err(Refusal::Correction);
             }
-            // The value is below 600.
+            // The greatest correction is below 600 units, which fits in 16 bits.
             *knot = units as i16;
         }
         Ok(Self(knots))
@@ -86,7 +89,7 @@ impl Correction {
     /// The corrected current, in units.
     #[inline]
     pub(crate) fn apply(&self, measured: i32) -> i32 {
-        // Two comparisons with constants: this clamp cannot panic.
+        // Both bounds are constants, so this clamp cannot panic.
         let from = (measured - FIRST).clamp(0, ((KNOTS as i32 - 1) << PIECE) - 1);
         let index = (from >> PIECE) as usize;
         let (Some(&low), Some(&high)) = (self.0.get(index), self.0.get(index + 1)) else {
@@ -98,7 +101,7 @@ impl Correction {
     }
 }
 
-/// The change between the two neighbouring pairs that enclose a value.
+/// The correction at a measured current, interpolated between the two pairs that enclose it.
 fn between(pairs: &[[f32; 2]], reported_a: f32) -> Option<f32> {
     pairs.windows(2).find_map(|of| match of {
         [[low, low_of], [high, high_of]] if reported_a >= *low && reported_a <= *high => {

@@ -8,13 +8,13 @@ use crate::limits::Limits;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentLine {
-    /// Start time, us, of the clock that [`Supervisor::follow`](crate::Supervisor::follow) reads:
-    /// until then the current goes to `from_a` in a straight line. If the time has passed, the line
-    /// starts at once from the present current.
+    /// Start time on the clock that [`Supervisor::follow`](crate::Supervisor::follow) reads, us.
+    /// Until then the current changes in a straight line to `from_a`. If the time has passed
+    /// already, the line starts at once from the present current.
     pub start_us: u64,
     /// Current at the start, A; the sign is the polarity.
     pub from_a: f32,
-    /// Current at the end, which then stays, A.
+    /// Current at the end, A; it is kept until the next line.
     pub to_a: f32,
     /// Duration, s; 0 for a step.
     pub over_s: f32,

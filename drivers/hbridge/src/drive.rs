@@ -1,5 +1,5 @@
-//! The half that runs with the PWM: integers only, without waiting, the same few steps in every
-//! period.
+//! The part of the driver that runs in the PWM interrupt: integers only, without waiting, the same
+//! few steps in every period.
 
 use crate::averages::Averages;
 use crate::correction::Correction;
@@ -10,17 +10,17 @@ use crate::regulator::{Gains, Regulator};
 use crate::self_test::{SelfTest, TestPlan, TestStep, TestSums};
 use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
 
-/// Largest distance from the setpoint, in units, at which the current is on track: 0.15 A of the
-/// reference board, twice the noise of its converter's worst codes.
+/// Largest difference of measured current and setpoint, in units, at which the current counts as on
+/// track: 0.15 A on the reference board, twice the noise at the converter's worst codes.
 const NEAR: i32 = 48;
-/// Number of periods in which the law is evaluated each time, after the current was off its
-/// setpoint.
+/// Number of periods for which the control law is evaluated in every period after the current was
+/// off its setpoint.
 const BUSY_PERIODS: u32 = 16;
 
-/// Periods until the supervisor has missed its deadline.
+/// Number of periods after which an order from the supervisor is overdue.
 const PATIENCE: u32 = ATTENDED_WITHIN + 1;
 
-/// A line in integers: end and duration.
+/// A straight line of the current: its end and its duration, in integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RawLine {
     /// Current at the end, units.
@@ -34,31 +34,31 @@ pub struct Order(pub(crate) Orders);
 
 #[derive(Clone, Debug)]
 pub(crate) enum Orders {
-    /// The supervisor has attended, and nothing changes.
+    /// No change: only shows that the supervisor runs.
     Attended,
     Stop,
     Clear,
     Latch(Fault),
-    /// The cause of the latched fault.
+    /// The cause of the latched fault, which replaces the fault.
     Cause(Fault),
     Test(TestPlan),
-    /// Result of the self-test: the zero and the law.
+    /// Result of the self-test: the reading without current and the control law.
     Fit {
         twice_zero: i32,
         gains: Gains,
         coast_q8: i32,
     },
-    /// Law for a changed supply or resistance.
+    /// Control law for a changed supply or resistance.
     Adapt {
         gains: Gains,
         coast_q8: i32,
     },
-    /// Follow a line, and the next one after it.
+    /// Follow this line, and then the next one, if any.
     Run {
         line: RawLine,
         next: Option<RawLine>,
     },
-    /// Hold this current, units; only if a current is held already.
+    /// Hold this current, in units; ignored unless a current is held already.
     Hold(i32),
     Correct(Correction),
 }
@@ -85,12 +85,13 @@ pub enum DriveState {
 pub struct Report {
     /// State of the drive.
     pub state: DriveState,
-    /// Whether the line has ended and its last current is held.
+    /// Whether the line has ended and its end current is held.
     pub holds: bool,
-    /// Periods with the bridge on in this run.
+    /// Number of periods with the bridge on since it was switched on.
     pub on_periods: u32,
     pub(crate) setpoint: i32,
-    /// Sums of level times units, of levels, and of units, over all whole blocks; they wrap.
+    /// Sums over all complete blocks of level times current, of levels, and of currents in units;
+    /// they wrap.
     pub(crate) power: i64,
     pub(crate) levels: i32,
     pub(crate) units: i32,
@@ -101,8 +102,8 @@ pub struct Report {
 
 /// The drive: from two samples every period it computes the bridge's inputs.
 ///
-/// The fields that every period needs come first and in this order: the processor reaches 124 bytes
-/// from an address in one instruction.
+/// The fields that every period needs come first and in this order: a load instruction of the
+/// processor reaches only 124 bytes from an address.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Drive {
@@ -111,47 +112,48 @@ pub struct Drive {
     is_wild: bool,
     /// Whether a correction is set.
     corrects: bool,
-    /// Whether a law is set.
+    /// Whether the self-test has set a control law.
     tested: bool,
-    /// Whether the line in `next` follows the present one.
+    /// Whether the line in `next` follows when the present one ends.
     goes_on: bool,
-    /// Sum of two readings without current.
+    /// Twice the converter's reading without current.
     twice_zero: i32,
-    /// -1 if the measurement is reversed, otherwise 0.
+    /// -1 if the current measurement is reversed, otherwise 0.
     sign: i32,
-    /// Smallest sample that does not trip, and the number of further samples that do not.
+    /// Smallest sample that does not trip, and (`range`) how far above it a sample may be without a
+    /// trip.
     least: i32,
     range: u32,
     /// Measured current of the period.
     measured: i32,
-    /// Number of periods left in which the law is evaluated each time.
+    /// Number of periods left in which the control law is evaluated in every period.
     busy: u32,
-    /// Periods left until the supervisor has missed its deadline.
+    /// Number of periods left until an order from the supervisor is overdue.
     patience: u32,
     shaper: Shaper,
-    /// Greatest level.
+    /// Greatest level that may be applied.
     top: i32,
     line: FixedPointLine,
     sums: watch::BlockSums,
     regulator: Regulator,
     gains: Gains,
     // The fields from here on are needed in few periods only.
-    /// Number of periods in which the bridge wakes, and how many are left.
+    /// Number of periods that the bridge needs to wake, and (`waking`) how many of them are left.
     wake_periods: u16,
     waking: u16,
     correction: Correction,
     next: RawLine,
-    /// The same line with its division already done, if it was prepared.
+    /// The line in `next` with its division already done, valid if `is_prepared`.
     ahead: Ahead,
     is_prepared: bool,
     watch: Watch,
     bounds: Bounds,
-    /// Current limit and trip, units.
+    /// Greatest setpoint and trip level of the current, units.
     current: i32,
     trip: i32,
     nominal_twice_zero: i32,
     fault: Fault,
-    /// Current that tripped, units.
+    /// Measured current when the drive tripped, units.
     tripped: i32,
     test: SelfTest,
     report: Sum,
@@ -171,7 +173,7 @@ enum Mode {
     Off,
     /// The self-test runs, in `test`.
     Testing,
-    /// Drives once the bridge is awake.
+    /// The bridge wakes; then the mode changes to `Driving`.
     Waking,
     Driving,
     /// A fault is latched, in `fault`.
@@ -187,7 +189,7 @@ pub(crate) struct Fixed {
     pub(crate) reversed: bool,
     pub(crate) twice_zero: i32,
     pub(crate) shaper: Shaper,
-    /// Greatest level.
+    /// Greatest level that may be applied.
     pub(crate) top: i32,
     pub(crate) wake_periods: u16,
 }
@@ -329,8 +331,8 @@ impl Drive {
 
     fn set_zero(&mut self, twice_zero: i32) {
         self.twice_zero = twice_zero;
-        // The difference of twice a sample and twice the zero is within plus and minus the trip
-        // level.
+        // A sample trips if twice the sample differs from twice the reading without current by more
+        // than the trip level.
         self.least = (twice_zero - self.trip + 1) >> 1;
         self.range = (((twice_zero + self.trip) >> 1) - self.least) as u32;
     }
@@ -368,7 +370,7 @@ impl Drive {
         }
     }
 
-    /// Limits a current to the allowed range.
+    /// Limits a setpoint to the allowed range of currents.
     fn limited(&self, units: i32) -> i32 {
         units.min(self.current).max(-self.current)
     }
@@ -380,7 +382,7 @@ impl Drive {
         }
     }
 
-    /// Whether the line has ended and none follows.
+    /// Whether the line has ended and no other line follows.
     fn holds(&self) -> bool {
         self.line.is_over() && !self.goes_on && self.mode != Mode::Waking
     }
@@ -393,7 +395,7 @@ impl Drive {
         self.line = FixedPointLine::default();
     }
 
-    /// Switches off permanently. If a fault is latched already, it is kept.
+    /// Switches off until the fault is cleared. If a fault is latched already, that one is kept.
     #[inline(never)]
     fn latch(&mut self, fault: Fault) {
         self.stop();
@@ -403,9 +405,10 @@ impl Drive {
         }
     }
 
-    /// Runs one period. Takes its two samples, taken where the ripple passes through its mean, and
-    /// whether the bridge reports a fault. Returns the bridge's inputs: sleep takes effect at once,
-    /// all else from the next period on.
+    /// Runs one period. `samples` are the period's two current samples, taken where the ripple
+    /// passes through its mean; `bridge_faults` says whether the bridge reports a fault. Returns
+    /// the bridge's inputs: its sleep input takes effect at once, the levels from the next period
+    /// on.
     ///
     /// Call it once a period, after the second sample; the levels have to be written before the
     /// period ends. Call [`account`](Self::account) afterwards.
@@ -415,8 +418,8 @@ impl Drive {
         let (first, second) = (i32::from(first), i32::from(second));
         self.measure(first + second);
         if self.mode != Mode::Driving || self.trips(first) || self.trips(second) || bridge_faults {
-            // Field by field: this way the compiler keeps the parts in registers; otherwise it puts
-            // the whole into memory, in the other branch too.
+            // Assigned field by field, so that the compiler keeps the fields in registers;
+            // otherwise it puts the whole `Output` into memory, even on the fast path.
             let Output {
                 awake,
                 levels,
@@ -437,8 +440,8 @@ impl Drive {
     }
 
     /// Replaces [`tick`](Self::tick) for a period whose samples are unknown: the converter or its
-    /// DMA lost some, and the others may be out of order. Latches a fault in any state and returns
-    /// that the bridge has to switch off.
+    /// DMA lost some, and the remaining ones may be out of order. Latches a fault in any state and
+    /// returns the inputs that switch the bridge off.
     pub fn lose_samples(&mut self) -> Output {
         self.measured = 0;
         self.latch(Fault::SamplesLost);
@@ -456,8 +459,8 @@ impl Drive {
         };
     }
 
-    /// Does the rest of the period's work, after the levels have been written: sums, and checks
-    /// over several periods. Returns whether the bridge has to switch off at once.
+    /// Does the rest of the period's work after the levels have been written: adds to the sums, and
+    /// checks the sums at the end of a block. Returns whether the bridge has to switch off at once.
     #[inline]
     pub fn account<const N: usize>(&mut self, averages: &Averages<N>) -> bool {
         averages.push(self.measured);
@@ -501,14 +504,15 @@ impl Drive {
             if self.goes_on {
                 self.turn();
             } else if self.line.ends() {
-                // The level of a slope differs from the level of a hold.
+                // During a slope the level includes the voltage for the inductance, during a hold
+                // it does not.
                 self.busy = BUSY_PERIODS;
             }
         }
         self.line.advance();
     }
 
-    /// Continues with the next line at the end of a line.
+    /// Starts the next line where the present one ends.
     #[inline(never)]
     fn turn(&mut self) {
         if self.is_prepared {
@@ -520,8 +524,8 @@ impl Drive {
         self.busy = BUSY_PERIODS;
     }
 
-    /// Handles the end of a block or of the supervisor's deadline. Returns whether the drive has
-    /// latched a fault.
+    /// Handles the end of a block of periods, or an overdue order of the supervisor. Returns
+    /// whether the drive has latched a fault.
     #[inline(never)]
     fn close(&mut self, is_whole: bool) -> bool {
         if self.patience == 0 {
@@ -551,8 +555,8 @@ impl Drive {
         false
     }
 
-    /// Counts a period without regulation. Returns whether an awake bridge has had no order for too
-    /// long.
+    /// Handles the end of a period without regulation. Returns whether the bridge is awake and an
+    /// order from the supervisor is overdue.
     #[inline(never)]
     fn wait(&mut self) -> bool {
         if !matches!(self.mode, Mode::Testing | Mode::Waking) {
@@ -565,7 +569,8 @@ impl Drive {
         self.patience == 0
     }
 
-    /// Handles a period without regulation, or with an abnormal sample or a bridge fault.
+    /// Handles a period in which the current is not regulated, a sample is beyond the trip level,
+    /// or the bridge reports a fault.
     #[inline(never)]
     fn otherwise(&mut self, samples: [i32; 2], bridge_faults: bool) -> Output {
         if matches!(self.mode, Mode::Off | Mode::Latched) {
@@ -592,9 +597,9 @@ impl Drive {
         }
     }
 
-    /// Returns the two samples, with a single sample beyond the trip level replaced by the other
-    /// one, since a single outlier is a converter error. `None` if it is the current: both samples,
-    /// or one in each of two successive periods.
+    /// Returns the two samples; if one of them is beyond the trip level, it is replaced by the
+    /// other, since a single outlier is a converter error. `None` if the current itself is beyond
+    /// the trip level: both samples are, or one in each of two successive periods.
     fn without_wild(&mut self, [first, second]: [i32; 2]) -> Option<[i32; 2]> {
         let wild = [first, second].map(|sample| self.can_trip() && self.trips(sample));
         let before = core::mem::replace(&mut self.is_wild, wild != [false; 2]);
@@ -606,12 +611,13 @@ impl Drive {
         }
     }
 
-    /// Whether the reading without current is known, to which the trip level refers.
+    /// Whether the reading without current is known: the trip level is relative to it.
     fn can_trip(&self) -> bool {
         self.mode != Mode::Testing || self.test.twice_zero().is_some()
     }
 
-    /// Handles a period in which the bridge wakes: no voltage yet, and its fault output is ignored.
+    /// Handles a period in which the bridge wakes: no voltage is applied yet, and the bridge's
+    /// fault output is ignored.
     fn wake(&mut self) -> Output {
         self.go_on();
         self.waking = self.waking.saturating_sub(1);
@@ -631,7 +637,7 @@ impl Drive {
         match step {
             TestStep::Asleep => Output::OFF,
             TestStep::Waking => Output::WAKING,
-            // The bridge may report its own current limit, which has to act here.
+            // While the reduced limit is tested, the bridge may report that it limits the current.
             TestStep::On { limit_low, .. } if bridge_faults && !limit_low => {
                 self.latch(Fault::Bridge);
                 Output::OFF
@@ -660,8 +666,8 @@ impl Drive {
         }
     }
 
-    /// Removes the reversal from two samples, or from two readings without current; applied again
-    /// it restores it.
+    /// Mirrors the sum of two samples about the nominal reading without current if the measurement
+    /// is reversed. Applied twice, it returns the original sum.
     fn reverse(&self, sum: i32) -> i32 {
         if self.sign < 0 {
             2 * self.nominal_twice_zero - sum

@@ -5,15 +5,15 @@ use crate::hardware::Hardware;
 use crate::limits::Limits;
 use crate::watch::ATTENDED_WITHIN;
 
-/// Safety factor of the energy count. It covers the errors by which current and supply may together
-/// be measured too low: 2 % of gain and nonlinearity, 5 % of the divider, and the offset.
+/// Safety factor of the energy count: covers the sum of the errors by which current and supply may
+/// be measured too low, which is 2 % of gain and nonlinearity, 5 % of the divider, and the offset.
 const COUNTED: f32 = 1.1;
-/// Number of Newton's steps for the current whose heat equals the continuous power. They approach
-/// the root from above, halving at first: 24 suffice from 10^4 times the root.
+/// Number of Newton's steps for the current whose heat equals the continuous power. Far above the
+/// root each step halves the value: 24 steps suffice from 10^4 times the root.
 const STEPS: u8 = 24;
 
-/// Net energy of the circuit: the energy taken, counted a tenth too high, less the continuous power
-/// that it gives off; never below zero.
+/// Net energy of the circuit: the energy taken, multiplied by a safety factor of 1.1, less the
+/// continuous power that the circuit gives off; never below zero.
 ///
 /// ```
 /// use coil_hbridge::{Account, EnergyDemand, Load};
@@ -54,20 +54,22 @@ pub struct Load {
 pub struct EnergyDemand {
     load: Load,
     continuous_w: f32,
-    /// Current whose heat equals the continuous power.
+    /// Current at which the counted heat equals the continuous power.
     even_a: f32,
     at_a: f32,
-    /// Change of the account so far, its highest value and its lowest.
+    /// Change of the account since the start of the profile, and (`most_j`, `least_j`) its highest
+    /// and its lowest value.
     gain_j: f32,
     most_j: f32,
     least_j: f32,
-    /// Greatest rise from a low to a later high: the peak of an account that starts empty.
+    /// Greatest rise of the account from a minimum to a later maximum: the peak if the account
+    /// starts empty.
     rise_j: f32,
 }
 
 impl Account {
-    /// Creates an empty account of a drive. Its limit is reduced by the energy that may flow before
-    /// a supervisor acts.
+    /// Creates the empty account of a drive. The usable energy is the limit less the energy that
+    /// may flow before a supervisor acts.
     #[must_use]
     pub fn new(hardware: &Hardware, limits: &Limits) -> Self {
         let unseen_s = ATTENDED_WITHIN as f32 * hardware.period_s;
@@ -76,7 +78,7 @@ impl Account {
         Self::with(limits.energy_j - unseen_j, limits.continuous_w)
     }
 
-    /// Creates an empty account with a limit, J, and a continuous power, W.
+    /// Creates an empty account from its limit, J, and the continuous power, W.
     #[must_use]
     pub const fn with(usable_j: f32, continuous_w: f32) -> Self {
         Self {
@@ -98,8 +100,8 @@ impl Account {
         self.usable_j
     }
 
-    /// Adds the energy measured over a time. Energy that returns from the coil's field is not
-    /// subtracted: it was counted on its way there.
+    /// Adds the energy measured over a time. Energy that returns from the coil's field to the
+    /// supply is not subtracted, since it was counted when it entered the field.
     pub fn pass(&mut self, measured_j: f32, elapsed_s: f32) {
         let left_j = self.energy_j - self.continuous_w * elapsed_s;
         self.energy_j = if left_j > 0.0 { left_j } else { 0.0 };
@@ -127,7 +129,7 @@ impl Account {
         self.energy_j + demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j
     }
 
-    /// Time until a profile may start, s; `None` if it never may.
+    /// Time until a profile may start, s; `None` if it needs more than an empty account has.
     #[must_use]
     pub fn wait_s(&self, demand: &EnergyDemand) -> Option<f32> {
         let fits = demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j;
@@ -135,7 +137,7 @@ impl Account {
         (fits && wait_s.is_finite()).then_some(wait_s)
     }
 
-    /// Time until `gain_j` more energy may be taken, s.
+    /// Time until the circuit may take `gain_j` more energy, s.
     #[must_use]
     pub fn time_until_s(&self, gain_j: f32) -> f32 {
         let over_j = self.energy_j + gain_j - self.usable_j;
@@ -173,7 +175,7 @@ impl EnergyDemand {
         }
     }
 
-    /// Sets a start current other than zero, A.
+    /// Sets the current at the start of the profile, A; zero by default.
     pub const fn starts_at(&mut self, at_a: f32) {
         self.at_a = at_a;
     }
@@ -191,14 +193,15 @@ impl EnergyDemand {
         }
     }
 
-    /// Greatest gain of the account, J.
+    /// Greatest rise of the account above its value at the start of the profile, J.
     #[must_use]
     pub const fn most_j(&self) -> f32 {
         self.most_j
     }
 
-    /// Adds a line of one sign. The account has its extremes where the heat equals the continuous
-    /// power, so the line is split there: between two such points the extremes are at the ends.
+    /// Adds a line whose current does not change its sign. The account has its extremes where the
+    /// heat equals the continuous power: the line is split at that current, so that the extremes
+    /// are at the ends of the pieces.
     fn one_sided(&mut self, from_a: f32, to_a: f32, over_s: f32) {
         let even_a = self.even_a;
         if (from_a - even_a) * (to_a - even_a) < 0.0 {
@@ -215,7 +218,7 @@ impl EnergyDemand {
         let charge_a_s = over_s * 0.5 * (from_a + to_a);
         let taken_j = self.load.resistance_ohm * square_a2_s + self.load.lost_v * charge_a_s;
         self.gain_j += COUNTED * taken_j - self.continuous_w * over_s;
-        // NaN stays NaN, so no account allows it.
+        // A NaN stays NaN: no account has enough energy for it.
         let highest = |one: f32, other: f32| if one >= other { one } else { other };
         self.most_j = highest(self.most_j, self.gain_j);
         self.least_j = self.least_j.min(self.gain_j);

@@ -10,10 +10,10 @@ pub enum Fault {
     OverCurrent,
     /// The bridge reported a fault through nFAULT.
     Bridge,
-    /// Voltage without the current that it should drive: an open circuit, a failed current
-    /// measurement, or a hardware limit that is too low.
+    /// Voltage is applied, but the current that it should drive is missing: an open circuit, a
+    /// failed current measurement, or a hardware limit that is too low.
     CurrentMissing,
-    /// Current without the voltage that it needs: a short in the coil.
+    /// Current flows without the voltage that it needs: a short in the coil.
     CurrentUnexplained,
     /// The current did not reach its setpoint.
     NotFollowing,
@@ -35,13 +35,14 @@ pub enum Fault {
     Short,
     /// Self-test: the current's sign is wrong.
     SenseReversed,
-    /// The measured current does not follow a small change of the setpoint.
+    /// The measured current does not follow a small change of the setpoint: the measurement is
+    /// frozen.
     SenseFrozen,
     /// Samples were lost: [`Drive::lose_samples`](crate::Drive::lose_samples).
     SamplesLost,
     /// Self-test: resistance or inductance is too high.
     NotACoil,
-    /// Self-test: the hardware's own limit of the current does not act.
+    /// Self-test: the current limit of the hardware does not act.
     NoHardwareLimit,
 }
 
@@ -70,8 +71,8 @@ impl Fault {
 }
 
 impl Fault {
-    /// Whether coil or measurement are in doubt, so that after this fault has been cleared a
-    /// self-test must precede driving.
+    /// Whether coil or current measurement are in doubt after this fault, so that a self-test must
+    /// precede driving again.
     #[must_use]
     pub const fn requires_self_test(self) -> bool {
         !matches!(
@@ -128,7 +129,7 @@ pub enum Refusal {
     Current(f32),
     /// A duration that is negative, not a number, or beyond the limit of the on-time, s.
     Duration(f32),
-    /// More energy than the account has left, J.
+    /// The request needs more energy, J, than the account has left.
     Energy(f32),
     /// The supply is outside its limits, V.
     Supply(f32),

@@ -2,14 +2,14 @@
 
 use crate::fault::Refusal;
 
-/// Decay mode: how the current falls when it has to fall faster than through the shorted coil.
+/// Decay mode: how the current falls when it has to fall faster than in the shorted coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Decay {
-    /// Never faster: both outputs high, the coil shorted through the bridge (slow decay).
+    /// Slow decay, never faster than that: both outputs are high, so the bridge shorts the coil.
     Slow,
-    /// Both inputs low for the necessary part of a period: the coil drives its current through the
-    /// diodes back into the supply (fast decay). The current cannot change its sign meanwhile.
+    /// Fast decay: both inputs are low for a part of each period, and the coil drives its current
+    /// through the diodes back into the supply. The current cannot change its sign meanwhile.
     #[default]
     Fast,
 }
@@ -26,7 +26,7 @@ pub struct Hardware {
     pub ampere_per_count: f32,
     /// Nominal count without current.
     pub zero_count: u16,
-    /// Largest deviation of the true count without current, in counts.
+    /// Largest deviation of the true count without current from `zero_count`, in counts.
     pub zero_tolerance: u16,
     /// Highest count of the converter.
     pub greatest_count: u16,
@@ -34,12 +34,12 @@ pub struct Hardware {
     pub diode_v: f32,
     /// Decay mode.
     pub decay: Decay,
-    /// Time from nSLEEP high until the outputs follow the inputs, s: 0 to 0.02. Meanwhile nothing
-    /// is regulated, and the bridge's fault output is ignored.
+    /// Time from nSLEEP high until the outputs follow the inputs, s: 0 to 0.02. During this time
+    /// the current is not regulated and the bridge's fault output is ignored.
     pub wake_s: f32,
     /// Current to which the hardware limits while [`Output::limit_low`](crate::Output::limit_low)
-    /// is set, A; `None` if it has no input for that. Then the self-test cannot tell whether there
-    /// is a limit.
+    /// is set, A; `None` if the board has no input for that. In that case the self-test cannot
+    /// check that the hardware limits the current.
     pub reduced_limit_a: Option<f32>,
 }
 
@@ -77,19 +77,20 @@ impl Hardware {
         )
     }
 
-    /// Current per unit of the driver, A: two samples are added, so a unit is half a count.
+    /// Current per unit of the driver, A: a period's two samples are added, so a unit is half a
+    /// count.
     pub(crate) fn ampere_per_unit(&self) -> f32 {
         0.5 * self.ampere_per_count.abs()
     }
 
-    /// Number of whole periods in which the bridge wakes.
+    /// Number of whole periods that the bridge needs to wake.
     pub(crate) fn wake_periods(&self) -> u16 {
         let periods = self.wake_s / self.period_s;
         let whole = periods as u16;
         whole + u16::from(f32::from(whole) < periods)
     }
 
-    /// Converts a current to units; saturates.
+    /// Converts a current, A, to units; saturates.
     pub(crate) fn units(&self, current_a: f32) -> i32 {
         (current_a / self.ampere_per_unit()) as i32
     }
@@ -99,8 +100,8 @@ impl Hardware {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CoilParameters {
-    /// Resistance of coil, bridge and supply together, ohm: the resistance that the voltage at the
-    /// supply's input has to overcome.
+    /// Resistance of coil, bridge and supply together, ohm: what the supply's voltage without load
+    /// has to overcome.
     pub resistance_ohm: f32,
     /// Inductance, H.
     pub inductance_h: f32,

@@ -10,15 +10,16 @@ use crate::hardware::Hardware;
 pub struct Limits {
     /// Greatest setpoint of the current, A.
     pub current_a: f32,
-    /// Measured current at which the bridge is switched off and stays off, A: above `current_a` by
-    /// ripple, overshoot and noise, and below the end of the measurement's range.
+    /// Measured current at which the bridge is switched off and stays off, A. It is higher than
+    /// `current_a` by at least ripple, overshoot and noise, and below the end of the measuring
+    /// range.
     pub trip_a: f32,
-    /// Greatest fraction of a period in which a voltage is applied, 0 to 1: the bridge's upper
-    /// switches may need the rest to stay supplied.
+    /// Greatest fraction of a period for which a voltage is applied, 0 to 1: the bridge's upper
+    /// switches may need the remaining time to keep their gate drivers supplied.
     pub duty: f32,
     /// Longest time with the bridge on, s.
     pub on_time_s: f32,
-    /// Greatest net energy of the circuit, J: energy taken less energy given off since.
+    /// Greatest net energy of the circuit, J: energy taken less energy given off since then.
     pub energy_j: f32,
     /// Power that the circuit can give off continuously, W: the rate at which the counted energy
     /// falls.
@@ -47,7 +48,8 @@ impl Limits {
         let rises = |[low, high]: [f32; 2]| low > 0.0 && high > low && high.is_finite();
         is(self.current_a > 0.0, "current_a")?;
         is(self.trip_a > self.current_a, "trip_a")?;
-        // The converter has to reach the trip level, with the zero anywhere within its tolerance.
+        // The trip level must be within the converter's range, wherever the reading without current
+        // is within its tolerance.
         let upwards = hardware.greatest_count - hardware.zero_count;
         let span = upwards.min(hardware.zero_count) - hardware.zero_tolerance;
         let visible_a = f32::from(span) * hardware.ampere_per_count.abs();

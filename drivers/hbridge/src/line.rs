@@ -1,6 +1,7 @@
 //! Setpoint of the current as straight lines.
 
-/// A straight line from one current to another, in units with 32 fractional bits.
+/// A straight line from one current to another, in fixed-point numbers of units with 32 fractional
+/// bits.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct FixedPointLine {
@@ -20,8 +21,8 @@ pub(crate) struct Setpoint {
     pub(crate) change_q4: i32,
 }
 
-/// The next line with its division already done, since the division takes longer than the rest of a
-/// period.
+/// The next line with its division already done: the division does not fit into the time that a
+/// period leaves.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ahead {
     to: i32,
@@ -33,7 +34,8 @@ const POINT: u32 = 32;
 const TO_Q4: u32 = POINT - 4;
 
 impl FixedPointLine {
-    /// Starts a line from the present current to `to` in `periods` periods; a step if zero.
+    /// Starts a line from the present current to `to` in `periods` periods; with zero periods, the
+    /// current steps to `to`.
     pub(crate) fn go(&mut self, to: i32, periods: u32) {
         self.follow(&Ahead::from(self.now, to, periods));
     }
@@ -43,7 +45,7 @@ impl FixedPointLine {
         Ahead::from(i64::from(self.end) << POINT, to, periods)
     }
 
-    /// Continues with a prepared line that starts at the present current.
+    /// Starts a prepared line, whose start must be the present current.
     #[inline]
     pub(crate) fn follow(&mut self, ahead: &Ahead) {
         self.end = ahead.to;
@@ -84,13 +86,13 @@ impl FixedPointLine {
         self.left == 0
     }
 
-    /// Whether the last period was the last one of a slope.
+    /// Whether the slope ended with the last period.
     #[inline]
     pub(crate) const fn ends(&self) -> bool {
         self.change_q4 != 0
     }
 
-    /// The setpoint in whole units.
+    /// The setpoint at the end of the present period, in whole units.
     #[inline]
     pub(crate) const fn now(&self) -> i32 {
         (self.now >> POINT) as i32

@@ -3,8 +3,9 @@
 use crate::hardware::Decay;
 use crate::line::FixedPointLine;
 
-/// Compare values of the PWM's two outputs: the part of a period for which each is high. The pulses
-/// are centred on the count's zero, where samples of a phase-correct PWM are taken.
+/// Compare values of the PWM's two outputs: each is proportional to the fraction of a period for
+/// which the output is high. The pulses are centred on the count's zero, where samples of a
+/// phase-correct PWM are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
@@ -20,9 +21,9 @@ pub struct Levels {
 pub struct Output {
     /// Level of nSLEEP. If it is low, both inputs have to be low as well.
     pub awake: bool,
-    /// Compare values from the next period on.
+    /// Compare values that take effect with the next period.
     pub levels: Levels,
-    /// Whether to reduce the hardware's current limit, if the board can (self-test only).
+    /// Whether to reduce the hardware's current limit, if the board can do that (self-test only).
     pub limit_low: bool,
 }
 
@@ -34,32 +35,33 @@ impl Output {
         limit_low: false,
     };
 
-    /// Awake, without voltage.
+    /// The bridge is awake, and no voltage is applied.
     pub(crate) const WAKING: Self = Self {
         awake: true,
         ..Self::OFF
     };
 }
 
-/// Current below which its sign is ignored, units.
+/// A measured current below this, in units, counts as having no sign.
 const NO_SIGN: i32 = 8;
 
-/// Turns a mean voltage into pulses.
+/// Converts a signed level (mean voltage) to pulses at the two outputs.
 ///
-/// - both high: the coil is shorted, its current decays slowly;
-/// - one high: the supply drives;
-/// - both low: the diodes drive against the current, which decays fast and stops at zero.
+/// - both high: the coil is shorted, and its current decays slowly;
+/// - one high: the supply drives the current;
+/// - both low: the diodes apply the supply against the current, which decays fast and stops at
+///   zero.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct Shaper {
     pub(crate) full: i32,
-    /// Supply divided by supply plus two diodes, in 1/256.
+    /// Ratio of the supply voltage to the supply voltage plus two diode voltages, in 1/256.
     pub(crate) coast_q8: i32,
     pub(crate) decay: Decay,
 }
 
 impl Shaper {
-    /// Pulses for a signed level, and the level that they achieve.
+    /// Returns the pulses for a signed level, and the level that they achieve.
     #[inline]
     pub(crate) fn shape(&self, level: i32, measured: i32, line: &FixedPointLine) -> (i32, Levels) {
         // The signs of level and current differ.
@@ -68,17 +70,18 @@ impl Shaper {
         {
             return opposed;
         }
-        // The level if negative, otherwise 0.
+        // `level` if it is negative, otherwise 0.
         let negative = level & (level >> 31);
         let full = self.full;
         (level, levels([full + negative, full - (level - negative)]))
     }
 
-    /// Pulses for a level against the current; `None` if the supply drives that level.
+    /// Returns the pulses for a level against the current, and the level achieved; `None` if the
+    /// supply has to drive that level.
     #[inline(never)]
     fn oppose(&self, level: i32, measured: i32, setpoint: i32) -> Option<(i32, Levels)> {
         let opposes = (level > 0 && measured < -NO_SIGN) || (level < 0 && measured > NO_SIGN);
-        // A current that crosses zero into the other direction is driven by the supply.
+        // The setpoint is on the other side of zero: only the supply can drive the current there.
         let crosses = (level > 0 && setpoint > 0) || (level < 0 && setpoint < 0);
         if !opposes || crosses {
             return None;
@@ -94,7 +97,7 @@ impl Shaper {
     }
 }
 
-/// The values lie between 0 and the full level, which came from 16 bits.
+/// Converts two values between 0 and the full level; the full level fits in 16 bits.
 #[inline]
 const fn levels([in1, in2]: [i32; 2]) -> Levels {
     Levels {

@@ -5,9 +5,10 @@ use embedded_hal::pwm::SetDutyCycle;
 
 use crate::output::Output;
 
-/// A bridge with inputs IN1 and IN2 on two outputs of one phase-correct PWM, nSLEEP and nFAULT.
+/// A bridge whose inputs IN1 and IN2 are two outputs of one phase-correct PWM, with its nSLEEP and
+/// nFAULT pins.
 ///
-/// If both compare values are in one register, writing that register is shorter and changes both at
+/// If one register holds both compare values, writing that register is shorter and changes both at
 /// once; a program may do that instead of using this type.
 #[derive(Debug)]
 pub struct HBridge<A, B, S, F> {
@@ -59,8 +60,8 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
         Ok(bridge)
     }
 
-    /// Applies the output of the drive. The bridge goes to sleep before the levels change, and
-    /// wakes after they have changed.
+    /// Applies an output of the drive. A bridge that goes to sleep does so before the levels
+    /// change; a bridge that wakes does so after they have changed.
     ///
     /// # Errors
     /// A pin failed. The other pins have been set nevertheless.
@@ -72,7 +73,7 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
         };
         let scaled = |level: u16, most: u16| {
             let level = u32::from(level.min(self.full_level)) * u32::from(most);
-            // At most `most`.
+            // The result is at most `most`, which fits in 16 bits.
             (level / u32::from(self.full_level.max(1))) as u16
         };
         let (first, second) = (self.in1.max_duty_cycle(), self.in2.max_duty_cycle());

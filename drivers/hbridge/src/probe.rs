@@ -1,38 +1,40 @@
 //! Small known changes of the current, to check that its measurement follows.
 //!
-//! While a current is held, a frozen measurement looks like a working one: there is no error to
-//! regulate, and the true current drifts with noise, heat and rounding. Voltage and resistance
-//! reveal that late: copper may have 0.6 to 1.6 times the resistance of its test. So a held current
-//! is raised and lowered a little from time to time. A working measurement follows, since the
-//! regulator ensures it, whatever coil, supply and wide codes of the converter do; a frozen one
-//! does not.
+//! While a current is held, a frozen measurement looks like a working one: the regulator sees no
+//! error, and the true current drifts with noise, heat and rounding. Voltage and resistance reveal
+//! this late, since copper may have 0.6 to 1.6 times the resistance found by its test. So a held
+//! current is raised and lowered a little from time to time. A working measurement follows these
+//! steps, since the regulator ensures it, whatever the coil, the supply and wide codes of the
+//! converter do; a frozen one does not.
 
 use crate::averages::BLOCK;
 use crate::drive::{DriveState, Report};
 
-/// Amount by which the current is raised and then lowered, units: 4 counts of the converter, 26 mA
-/// of the reference board. Both are equal, so that the drift during a frozen measurement cancels,
-/// and so does the mean.
+/// Amount by which the held current is raised and then lowered, units: 4 counts of the converter,
+/// 26 mA on the reference board. Both amounts are equal, so that the mean current stays the same,
+/// and so that the true current's drift under a frozen measurement cancels.
 const STEP: i32 = 8;
-/// Steps from the held current in turn: up, down, and four without a change.
+/// Deviations from the held current in turn: up, down, and four times zero.
 const STEPS: [i32; 6] = [STEP, -STEP, 0, 0, 0, 0];
-/// Blocks, each 256 us on the reference board, in which the regulator settles after a step, and
-/// over which a mean is then taken: with noise of 2 counts the mean scatters by 0.25 units.
+/// Number of blocks, each 256 us on the reference board, that the regulator has to settle after a
+/// step. The mean is then taken over `MEANS` blocks: with noise of 2 counts it scatters by 0.25
+/// units.
 const SETTLES: u32 = 4;
 const MEANS: u32 = 8;
-/// Largest difference of means that count as equal, units: twelve standard deviations. A changing
-/// supply may hide one step, but does not make six means equal.
+/// Largest difference of mean currents that count as equal, units: twelve standard deviations of a
+/// mean. A changing supply may hide one step, but does not make all six means equal.
 const SAME: f32 = 3.0;
-/// Number of successive turns without a difference that are a fault.
+/// Number of successive turns through [`STEPS`] with equal means after which the measurement counts
+/// as frozen.
 const TURNS: u8 = 3;
-/// Blocks for which a current is held before the first probe: a hold in a train of ramps is
-/// shorter, and the ramps themselves show that the measurement follows.
+/// Blocks for which a current must have been held before the first step. A hold in a train of ramps
+/// is shorter; there the ramps themselves show that the measurement follows.
 const HELD: u32 = 200;
-/// Blocks from one poll to the next, by which each wait may be longer.
+/// Blocks from one poll to the next: each wait may be longer by this number.
 const LOOK: u32 = 4;
 
-/// Periods within which a freezing measurement is detected, if the current has been held for
-/// [`HELD_BEFORE`] periods: three turns, after one that had already started.
+/// Periods within which a measurement that freezes is detected, if the current has been held for
+/// [`HELD_BEFORE`] periods: three turns through the steps, after the turn during which it froze.
 pub const FROZEN_WITHIN: u32 =
     (TURNS as u32 + 1) * STEPS.len() as u32 * (SETTLES + MEANS + 2 * LOOK) * BLOCK;
 /// Periods for which a current is held before it is probed; see [`FROZEN_WITHIN`].
@@ -48,14 +50,14 @@ pub(crate) enum Next {
     Frozen,
 }
 
-/// Limits of the board: currents in units, and a level.
+/// Limits of the board: currents in units, and a level of the PWM.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
     /// Lowest current that is probed, and the greatest setpoint.
     pub(crate) currents: [i32; 2],
-    /// Largest tracking error of a current.
+    /// Largest tracking error of a current, units.
     pub(crate) tracking_error: i32,
-    /// Level below which a current is surely reached.
+    /// Level of the PWM below which the current certainly reaches its setpoint.
     pub(crate) top: i32,
 }
 
@@ -74,23 +76,23 @@ enum Stage {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Probe {
     stage: Stage,
-    /// Index into [`STEPS`].
+    /// Index of the present step in [`STEPS`].
     step: usize,
     /// The held current, and the present setpoint.
     held: i32,
     setpoint: i32,
-    /// Sums of units and levels, and number of blocks, at the start of the stage.
+    /// Sums of currents and of levels, and number of blocks, at the start of the stage.
     since: (i32, i32, u32),
-    /// Lowest and highest of the means that count as equal, and the number of turns for which they
-    /// have.
+    /// Lowest and highest of the means that count as equal, and (`turns`) for how many turns the
+    /// means have been equal.
     range: Option<[f32; 2]>,
     turns: u8,
-    /// Whether the level was at its top with the current raised.
+    /// Whether the level was at its maximum while the current was raised.
     at_top: bool,
 }
 
 impl Probe {
-    /// Polls the drive and returns the next action.
+    /// Evaluates the drive's report and returns the next action.
     pub(crate) fn poll(&mut self, report: &Report, reach: &Reach) -> Next {
         let [least, _] = reach.currents;
         let (_, _, begun) = self.since;
@@ -127,7 +129,7 @@ impl Probe {
         }
     }
 
-    /// Takes the mean of a step, and advances to the next step.
+    /// Computes the mean current of a step, and advances to the next step.
     fn take(&mut self, report: &Report, reach: &Reach) {
         let (units, levels, blocks) = self.since;
         let periods = (report.blocks.wrapping_sub(blocks) * BLOCK) as f32;
@@ -153,7 +155,8 @@ impl Probe {
         let [_, most] = reach.currents;
         let mut step = STEPS.get(self.step).copied().unwrap_or_default();
         if step < 0 && self.at_top {
-            // Lowers the current until it is surely reached.
+            // The current did not reach the raised setpoint, so it is lowered until it certainly
+            // reaches one.
             step -= reach.tracking_error;
         }
         let setpoint = self.held + step * self.held.signum();

@@ -2,14 +2,14 @@
 //! voltage that brings it to its setpoint at the end of the next.
 //!
 //! All in integers. Currents are in units of half a count of the converter, since two samples are
-//! added; voltages are in levels of the PWM, that is in parts of the supply. With u the level, V
-//! the supply and F the level that is always high, a period of length T changes the current by
+//! added; voltages are in levels of the PWM, that is in fractions of the supply. With u the level,
+//! V the supply and F the level that is always high, a period of length T changes the current by
 //!
 //! di = pull (u - drop i),  pull = V/(R F) (1 - exp(-R T/L)),  drop = R F/V.
 //!
 //! Samples are taken at the start and in the middle of a period of phase-correct PWM. There the
-//! ripple passes through its mean, so their mean is the current a quarter of a period after the
-//! start, and three quarters of that change are still to come.
+//! ripple passes through its mean, so the mean of the two samples is the current a quarter of a
+//! period after the start, and three quarters of the change di are still to come.
 
 use crate::fault::Refusal;
 use crate::hardware::{CoilParameters, Hardware};
@@ -18,37 +18,40 @@ use crate::line::{FixedPointLine, Setpoint};
 
 /// Fractional bits of a level.
 pub(crate) const LEVEL: u32 = 12;
-/// Part of an error that the next period is to remove, in eighths. Seven leave room for an
-/// inductance that is an eighth lower than the tested one.
+/// Fraction of a current error that the next period is to remove, in eighths. Seven leave a
+/// margin for an inductance that is an eighth lower than the tested one.
 const EIGHTHS: i32 = 7;
 
-/// Part of a period's deviation that is learned as a lasting voltage, as a power of two: a quarter.
+/// Fraction of the unexplained voltage of one period that is learned as lasting, as a negative
+/// power of two: a quarter.
 const LEARN_SHIFT: u32 = 2;
 
-/// Periods between two trims while the current is at its setpoint.
+/// Periods between two trims of the level while the current is at its setpoint.
 const TRIM_PERIODS: u32 = 8;
-/// Part of the voltage for the mean error that is learned for the long term, as a power of two:
-/// half.
+/// Fraction of the resistive voltage of the mean error that is learned as lasting at each trim, as
+/// a negative power of two: half.
 const FOREVER_SHIFT: u32 = 1;
-/// Part of the voltage that would remove the mean error in one period, as a power of two: over
-/// eight periods all of it. These three constants were chosen together: neighbouring values miss
-/// the limits of `coil_drive` for ramps or repeatability at the converter's wide codes.
+/// Fraction of the voltage that would remove the mean error in one period, as a negative power of
+/// two: an eighth, so that eight periods remove all of it. `TRIM_PERIODS`, `FOREVER_SHIFT` and
+/// `TRIM_SHIFT` were chosen together: with neighbouring values, ramps or repeatability at the
+/// converter's wide codes miss the limits of `coil_drive`.
 const TRIM_SHIFT: u32 = 3;
 
-/// Factors of the law as integers, derived from the settings.
+/// Factors of the control law as integers, derived from the parameters of hardware and coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gains {
-    /// 1/pull, in levels of 2^-12 per unit.
+    /// 1/pull: change of the level for a change of the current within one period, in levels of
+    /// 2^-12 per unit.
     pub(crate) kick: i32,
-    /// Voltage for the resistance, in levels of 2^-12 per unit.
+    /// Level that overcomes the resistance, in levels of 2^-12 per unit of current.
     pub(crate) drop: i32,
-    /// Change of the current in a period, in units of 2^-10 per level.
+    /// Change of the current in one period, in units of 2^-10 per level.
     pub(crate) pull: i32,
-    /// Voltage lost to dead time, in levels of 2^-12.
+    /// Level lost to dead time, in 2^-12.
     pub(crate) lost: i32,
     /// Greatest level, in 2^-12.
     pub(crate) most: i32,
-    /// Greatest error that the law uses, in sixteenths of a unit.
+    /// Greatest current error or change that the law uses, in sixteenths of a unit.
     reach: i32,
 }
 
@@ -62,13 +65,14 @@ impl Gains {
     ) -> Result<Self, Refusal> {
         let full = f32::from(hardware.full_level);
         let unit_a = hardware.ampere_per_unit();
-        // (1 - exp(-x))/x with x = R T/L, within 0.1 % for x below 1: the change of the current
-        // within a period slows the change down.
+        // (1 - exp(-x))/x with x = R T/L, within 0.1 % for x below 1: as the current changes within
+        // a period, the resistance slows the change down.
         let x = hardware.period_s / coil.time_constant_s();
         let slowed = 1.0 / (1.0 + x * (0.5 + x / 12.0));
         let pull = supply_v * hardware.period_s * slowed / (coil.inductance_h * full * unit_a);
         let drop = coil.resistance_ohm * unit_a * full / supply_v;
-        // Limits that keep `step` within 32 bits, for twice the full level either way.
+        // Limits that keep the products in `step` within 32 bits, for voltages up to twice the full
+        // level either way.
         if !(pull > 0.01 && pull * full < 7_500.0) {
             return Err(Refusal::Limits("inductance_h"));
         }
@@ -92,18 +96,18 @@ impl Gains {
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct Regulator {
-    /// Level of the period under way.
+    /// Level applied in the present period.
     pub(crate) level: i32,
-    /// The level that keeps the current at its setpoint, in 2^-12, within the greatest level.
+    /// Level that keeps the current at its setpoint, in 2^-12; limited to the greatest level.
     steady: i32,
-    /// Difference of the computed level and the last whole level, in 2^-12.
+    /// Computed level less the whole level that was applied last, in 2^-12.
     residue: i32,
-    /// Sum of the errors since the last trim.
+    /// Sum of the current errors since the last trim, units.
     off: i32,
-    /// Periods at the setpoint since the last trim, plus [`TRIM_PERIODS`] after one; 0 after the
-    /// law was evaluated.
+    /// Periods without an evaluation of the law since the last trim, plus [`TRIM_PERIODS`] if there
+    /// was a trim; 0 after an evaluation.
     rested: u32,
-    /// Current that the law expected at the start of the period, in sixteenths of a unit.
+    /// Current expected by the law at the start of the present period, in sixteenths of a unit.
     expected_q4: i32,
     /// Voltage lost to unknown causes, as a level in 2^-12.
     unknown: i32,
@@ -123,15 +127,16 @@ impl Default for Regulator {
     }
 }
 
-/// Limits a value to plus and minus `most`, without the check of `clamp`, which could panic.
+/// Limits a value to plus and minus `most`. `clamp` would check its bounds and could panic.
 #[inline]
 fn within(value: i32, most: i32) -> i32 {
     value.min(most).max(-most)
 }
 
 impl Regulator {
-    /// Adapts to a new law for a changed supply or resistance. Their effect has already been
-    /// learned bit by bit: it moves from the unknown to the known voltage, and the level stays.
+    /// Adapts to a new control law for a changed supply or resistance. The effect of the change has
+    /// already been learned bit by bit as unknown voltage: it is moved from the unknown to the
+    /// known voltage, so the level does not jump.
     pub(crate) fn adapt(&mut self, from: &Gains, to: &Gains, setpoint: Setpoint) {
         let known = |gains: &Gains| {
             let slope = gains.kick * within(setpoint.change_q4, gains.reach);
@@ -141,12 +146,12 @@ impl Regulator {
         self.unknown = within(moved, to.most >> 1);
     }
 
-    /// The level for the next period, in 2^-12, which may oppose the current.
+    /// Returns the level for the next period, in 2^-12; it may oppose the current.
     ///
     /// If the current of this period differs from the expected one, some voltage was lost: to a
-    /// hotter coil, a weaker supply, dead time. That voltage is learned and added. It replaces an
-    /// integral and cannot wind up: it compares with the expected effect of the applied voltage,
-    /// not with the setpoint.
+    /// hotter coil, a weaker supply, dead time. That voltage is learned and added. This replaces an
+    /// integral term and cannot wind up: it compares the measured current with the expected effect
+    /// of the applied voltage, not with the setpoint.
     #[inline(never)]
     pub(crate) fn step(&mut self, gains: &Gains, line: &FixedPointLine, measured: i32) -> i32 {
         let lost = gains.lost * measured.signum();
@@ -165,7 +170,7 @@ impl Regulator {
     }
 
     /// Returns the level that brings the current to its setpoint; stores as `steady` the level that
-    /// keeps it there.
+    /// keeps the current there.
     #[inline]
     fn law(&mut self, gains: &Gains, setpoint: Setpoint) -> i32 {
         let expected_q4 = self.expected_q4;
@@ -182,9 +187,9 @@ impl Regulator {
         steady + push + gains.drop * ((expected_q4 - setpoint.at_q4) >> 4)
     }
 
-    /// Returns the steady level while the current is at its setpoint, `off` units from it; the law
-    /// is not evaluated. Every eight periods the mean error trims the level, and the lasting part
-    /// is learned: eight measurements are less noisy than one.
+    /// Returns the steady level while the current is at its setpoint, `off` units from it; the
+    /// control law is not evaluated. Every eight periods the mean error trims the level, and a part
+    /// of it is learned as lasting: the mean of eight measurements is less noisy than one.
     #[inline]
     pub(crate) fn rest(&mut self, gains: &Gains, line: &FixedPointLine, off: i32) -> i32 {
         self.off += off;
@@ -199,13 +204,13 @@ impl Regulator {
     fn trim(&mut self, gains: &Gains, line: &FixedPointLine) {
         const PERIODS: i32 = TRIM_PERIODS as i32;
         let setpoint = line.setpoint();
-        // The mean error, in sixteenths of a unit.
+        // The mean current error, in sixteenths of a unit.
         let off_q4 = within(self.off * (16 / PERIODS), gains.reach);
         (self.off, self.rested) = (0, TRIM_PERIODS);
         let forever = (gains.drop * off_q4) >> (4 + FOREVER_SHIFT);
         self.unknown = within(self.unknown + forever, gains.most >> 1);
         let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
-        // The middle of the next eight periods.
+        // Setpoint in the middle of the next eight periods.
         let at = (setpoint.at_q4 + (PERIODS / 2) * setpoint.change_q4) >> 4;
         let slope = (gains.kick * within(setpoint.change_q4, gains.reach)) >> 4;
         let lost = gains.lost * at.signum();
@@ -213,7 +218,7 @@ impl Regulator {
         self.steady = within(steady, gains.most);
     }
 
-    /// Returns the whole level for a level in 2^-12, at most `top`; the remainder is carried to the
+    /// Rounds a level in 2^-12 to a whole level of at most `top`; the remainder is added in the
     /// next period.
     #[inline]
     pub(crate) fn dither(&mut self, setpoint: i32, top: i32) -> i32 {
@@ -227,7 +232,7 @@ impl Regulator {
         level
     }
 
-    /// Handles a level beyond `top`.
+    /// Limits a level beyond `top`, and the remainder that is added in the next period.
     #[inline(never)]
     fn bound(&mut self, fine: i32, top: i32) -> i32 {
         let level = if fine > 0 { top } else { -top };

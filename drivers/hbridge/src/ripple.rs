@@ -1,32 +1,32 @@
 //! PWM ripple, invisible to mid-pulse sampling.
 
-/// The ripple of the current, computed from supply and circuit.
+/// The PWM ripple of the current, computed from supply and circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ripple {
-    /// Supply voltage without load.
+    /// Supply voltage without load, V.
     pub(crate) open_v: f32,
-    /// Resistance of the supply, which is in the circuit while the supply drives.
+    /// Resistance of the supply, ohm: it is in the circuit only while the supply drives.
     pub(crate) source_ohm: f32,
-    /// Resistance of coil and bridge.
+    /// Resistance of coil and bridge, ohm.
     pub(crate) resistance_ohm: f32,
     pub(crate) inductance_h: f32,
     pub(crate) period_s: f32,
 }
 
 impl Ripple {
-    /// Mean square of the ripple about a mean current, A²: an effect that depends on the square of
-    /// the current depends on `mean_a² + square_a2`.
+    /// Mean square of the ripple about a mean current, A². The mean square of the whole current is
+    /// `mean_a² + square_a2`; use it for an effect proportional to the square of the current.
     ///
-    /// A coil that is driven for the part d = R I/V of a period and shorted for the rest has a
-    /// triangular ripple of R I (1 − d) T/L, peak to peak, about its mean; its variance is a
-    /// twelfth of the square. V is the supply voltage less the drop in the supply's own resistance
-    /// meanwhile. The result is off by 10 % while R T/L, by which the resistance bends the
-    /// triangle, is below one half.
+    /// A coil that is driven for the fraction d = R I/V of a period and shorted for the remaining
+    /// time has a triangular ripple of R I (1 − d) T/L, peak to peak, about its mean; its variance
+    /// is a twelfth of the peak-to-peak value's square. V is the supply voltage less the drop in
+    /// the supply's own resistance while the supply drives. Since the resistance bends the
+    /// triangle, the result is off by up to 10 % for R T/L below one half.
     #[must_use]
     pub fn square_a2(&self, mean_a: f32) -> f32 {
         let drop_v = mean_a.abs() * self.resistance_ohm;
         let driven_v = self.open_v - mean_a.abs() * self.source_ohm;
-        // Written so that NaN has no ripple.
+        // Negated, so that the ripple is zero if a value is NaN.
         if !(drop_v > 0.0 && drop_v < driven_v) {
             return 0.0;
         }

@@ -1,58 +1,64 @@
 //! The self-test: finds the parameters of the load, and decides whether it may be driven.
 //!
-//! It applies voltage steps and measures the current without regulation. The integer half runs with
-//! the PWM and sums up; [`evaluate`] computes the parameters from the sums.
+//! It applies voltage steps and measures the current without regulation. The integer half runs in
+//! the PWM interrupt and sums up; [`evaluate`] computes the parameters from the sums.
 //!
-//! 1. Bridge asleep: remaining current decays, then the mean reading is the zero. Then the bridge
-//!    wakes.
-//! 2. The level rises, to the full one within [`RISE_PERIODS`], until [`TARGET_A`] flows.
-//! 3. It stays there, then at up to [`FACTOR`] times the level: two points of a straight line,
-//!    whose slope is the resistance and whose intercept is the dead time.
-//! 4. The area between the second current and its rise is the time constant times the step.
-//! 5. The same again with the hardware's limit reduced, if the board can reduce it.
+//! 1. With the bridge asleep, remaining current decays; then the mean reading is the zero. Then the
+//!    bridge wakes.
+//! 2. The level rises slowly, at a rate of the full level in [`RISE_PERIODS`], until [`TARGET_A`]
+//!    flows.
+//! 3. The level stays there, then steps to up to [`FACTOR`] times that level. The two levels and
+//!    currents are two points of a straight line, whose slope is the resistance and whose intercept
+//!    is the dead time.
+//! 4. The area between the rising current and its final value is the time constant times the step.
+//! 5. The second level is applied again with the hardware's current limit reduced, if the board can
+//!    reduce it.
 
 use crate::fault::Fault;
 use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::output::Levels;
 
-/// Current of the first point, A: enough counts for one per cent, and little heat.
+/// Current of the first point, A: large enough to be measured within one per cent, small enough to
+/// heat little.
 pub(crate) const TARGET_A: f32 = 1.0;
-/// Energy charged for a self-test, J, whatever it measures: with a dead current measurement it
-/// measures nothing, but may have driven a few amperes for 60 ms.
+/// Energy charged for a self-test, J, whatever the test measures: with a failed current measurement
+/// the test measures no energy, but may have driven a few amperes for 60 ms.
 pub const SELF_TEST_J: f32 = 1.0;
 /// Ratio of the second level to the first.
 const FACTOR: i32 = 4;
-/// Periods in which the voltage would rise to the full one: 0.12 s at 16 us, so slow that the
-/// current of a coil follows without lag, however many levels there are.
+/// Periods in which the level would rise from zero to full: 0.12 s at 16 us, so slow that a coil's
+/// current follows without lag, however many levels the PWM has.
 const RISE_PERIODS: i32 = 7_680;
-/// Periods over which the zero is averaged.
+/// Periods over which the reading without current is averaged.
 const ZERO_PERIODS: u16 = 64;
-/// Periods for a current to settle: 5 ms at 16 us, 8 time constants of 200 uH and 0.33 ohm.
+/// Periods that the current has to settle after a step: 5 ms at 16 us, 8 time constants of 200 uH
+/// and 0.33 ohm.
 const REST_PERIODS: u16 = 320;
 /// Periods over which a settled current is averaged.
 const MEAN_PERIODS: u16 = 256;
-/// Periods over which a rise is summed: five time constants of 200 uH and 0.5 ohm.
+/// Periods over which the current is summed after a step: five time constants of 200 uH and 0.5
+/// ohm.
 const AREA_PERIODS: u16 = 128;
-/// Number of rises that are averaged.
+/// Number of steps to the second level whose results are averaged.
 const RISES: u8 = 2;
-/// Current at which a reduced limit has failed to act, as a multiple of the limit.
+/// The test fails if the current reaches this multiple of the hardware's reduced limit.
 const LIMIT_TOLERANCE: f32 = 1.5;
 
 /// Parameters of the integer half.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TestPlan {
     pub(crate) full: i32,
-    /// Greatest level.
+    /// Greatest level that may be applied.
     pub(crate) most: i32,
     /// [`TARGET_A`] in units.
     pub(crate) target: i32,
-    /// Current at which the remaining steps are not started, units.
+    /// Current in units above which the load is a short: no steps follow.
     pub(crate) too_much: i32,
     pub(crate) test_limit: bool,
-    /// Periods in which the bridge wakes.
+    /// Periods that the bridge needs to wake.
     pub(crate) wake_periods: u16,
-    /// Twice the nominal reading without current, and its largest deviation.
+    /// Twice the nominal reading without current, and the largest deviation from it.
     pub(crate) twice_zero: [i32; 2],
 }
 
@@ -61,13 +67,14 @@ pub(crate) struct TestPlan {
 pub(crate) struct TestSums {
     /// Sum of both samples without current, over [`ZERO_PERIODS`].
     zero: i32,
-    /// Level of the first point, and its sum of units over [`MEAN_PERIODS`].
+    /// Level of the first point, and the sum of its currents over [`MEAN_PERIODS`], in units.
     low: (i32, i32),
-    /// Level and sum of the second point, over all rises.
+    /// Level of the second point, and the sum of its currents over [`MEAN_PERIODS`] after each
+    /// step, in units.
     high: (i32, i32),
-    /// Sum of units over [`AREA_PERIODS`] after every step, of all rises.
+    /// Sum of the currents over the [`AREA_PERIODS`] after each step, in units.
     area: i32,
-    /// Sum of units with the limit reduced, over [`MEAN_PERIODS`].
+    /// Sum of the currents with the hardware's limit reduced, over [`MEAN_PERIODS`], in units.
     limited: Option<i32>,
 }
 
@@ -96,7 +103,7 @@ pub(crate) struct SelfTest {
     left: u16,
     rises: u8,
     level: i32,
-    /// Fractional part of the rising level, in parts of [`RISE_PERIODS`].
+    /// Fractional part of the rising level, as a multiple of 1/[`RISE_PERIODS`].
     rest: i32,
     sums: TestSums,
 }
@@ -106,7 +113,7 @@ pub(crate) enum TestStep {
     On {
         levels: Levels,
         limit_low: bool,
-        /// Level times units.
+        /// Product of level and current in units, for the energy count.
         power: i32,
     },
     Asleep,
@@ -251,7 +258,8 @@ impl SelfTest {
         None
     }
 
-    /// Counts a period, and enters the next stage after the last.
+    /// Counts a period of the present stage. After its last period, enters `stage` for `periods`
+    /// periods and returns true.
     fn next(&mut self, stage: Stage, periods: u16) -> bool {
         self.left = self.left.saturating_sub(1);
         let over = self.left == 0;
@@ -280,8 +288,8 @@ pub struct Findings {
     pub zero_count: f32,
     /// Parameters of the circuit.
     pub coil: CoilParameters,
-    /// Current to which the hardware limited with its limit reduced, A; `None` if the board cannot
-    /// reduce it.
+    /// Current that flowed with the hardware's limit reduced, A; `None` if the board cannot reduce
+    /// it.
     pub limited_to_a: Option<f32>,
 }
 
@@ -307,8 +315,8 @@ pub(crate) fn evaluate(
     let resistance_ohm = step_v / step_a;
     let foot_v = sums.low.0 as f32 / full * supply_v - low_a * resistance_ohm;
     let lost = (foot_v / supply_v).clamp(0.0, 0.2);
-    // The first period after a step is measured a quarter of it after its start: the sum of
-    // exp(-t/tau) at T/4, 5T/4, ... is tau/T + 1/4 + T/(96 tau) + ...
+    // The mean of a period's samples is the current a quarter of a period after its start: the sum
+    // of exp(-t/tau) at T/4, 5T/4, ... is tau/T + 1/4 + T/(96 tau) + ...
     let area = f32::from(AREA_PERIODS) * high_a - sums.area as f32 / rises * unit_a;
     let tau_s = (area / step_a - 0.25) * hardware.period_s;
     let inductance_h = tau_s * resistance_ohm;
@@ -343,7 +351,7 @@ pub(crate) fn evaluate(
 mod tests {
     use super::*;
 
-    /// Periods until the voltage is at its greatest without a current.
+    /// Number of periods after which the level is at its greatest if no current flows.
     fn rises_in(full: i32) -> u32 {
         let mut test = SelfTest::new(TestPlan {
             full,

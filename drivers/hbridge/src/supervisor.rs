@@ -16,27 +16,28 @@ use crate::ripple::Ripple;
 use crate::self_test::{Findings, SELF_TEST_J, TARGET_A, TestPlan, evaluate};
 use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
 
-/// Relative change of supply or resistance at which the law is recomputed: far below the change
-/// that the law learns by itself.
+/// Relative change of supply or resistance at which the control law is recomputed: far smaller than
+/// the changes that the law compensates by itself.
 const CHANGE: f32 = 0.02;
-/// Longest time that one poll may cover, us, so that a clock that jumps does not erase counted
-/// energy.
+/// Longest time that one poll may account for, us: otherwise a jump of the clock would erase
+/// counted energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
-/// Largest tracking error, as a fraction of the greatest current.
+/// Largest tracking error of the current, as a fraction of the greatest setpoint.
 const TRACKING_ERROR: f32 = 1.0 / 16.0;
-/// Blocks between two values of the resistance: 16 ms at 16 us.
+/// Blocks over which each value of the resistance is computed: 16 ms at 16 us.
 const RESISTANCE_BLOCKS: u32 = 64;
 
-/// Plans, checks and watches a [`Drive`].
+/// Converts requests to orders for a [`Drive`], and checks the drive's reports.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     hardware: Hardware,
     limits: Limits,
     findings: Option<Findings>,
-    /// Supply, V, and resistance, ohm, for which the law was computed.
+    /// Supply, V, and resistance, ohm, for which the present control law was computed.
     made_for: (f32, f32),
     account: Account,
-    /// Sums at the last poll, and at the last value of the resistance.
+    /// Sum of level times current at the last poll, and (`seen`) the sums from which the next value
+    /// of the resistance is computed.
     power: i64,
     seen: (i32, i32, u32),
     resistance_ohm: Option<f32>,
@@ -44,16 +45,17 @@ pub struct Supervisor {
     latched: bool,
     probe: Probe,
     blame: SupplyDiagnosis,
-    /// Value and limit of the latched fault, if the drive has them.
+    /// Measured value and limit of the latched fault, if that fault has numbers.
     found: Option<[f32; 2]>,
     /// Lowest reading of the supply since the last poll, V, if there were readings.
     lowest_v: Option<f32>,
-    /// Setpoint when the drive was last driving, units.
+    /// Setpoint at the last poll at which the drive was driving, units.
     setpoint: i32,
     reach: Reach,
 }
 
-/// Model of the supply behind its terminals, and of the circuit without it.
+/// Model of the supply as a voltage source with a resistance, and of the circuit without the
+/// supply.
 #[derive(Clone, Copy, Debug, Default)]
 struct SupplyModel {
     /// Voltage without load.
@@ -135,14 +137,14 @@ impl Supervisor {
         self.findings.as_ref()
     }
 
-    /// Resistance of the circuit while current flows, ohm, from the last 16 ms with more than half
-    /// an ampere: serves as a thermometer of the copper, after subtracting bridge and supply.
+    /// Resistance of the circuit, ohm, from the last 16 ms in which more than half an ampere
+    /// flowed. Less the resistance of bridge and supply, it serves as a thermometer of the copper.
     #[must_use]
     pub const fn resistance_ohm(&self) -> Option<f32> {
         self.resistance_ohm
     }
 
-    /// The ripple that the switching adds to the mean current; `None` before a coil is known.
+    /// The PWM ripple, which adds to the effect of the mean current; `None` before a coil is known.
     #[must_use]
     pub fn ripple(&self) -> Option<Ripple> {
         let Findings { coil, .. } = self.findings.as_ref()?;
@@ -166,22 +168,22 @@ impl Supervisor {
         &self.account
     }
 
-    /// Adds energy that the circuit took before this supervisor was created: the account of a run
-    /// that a reset ended.
+    /// Adds energy that the circuit took before this supervisor was created, for example before a
+    /// reset.
     pub fn charge(&mut self, energy_j: f32) {
         self.account.charge(energy_j);
     }
 
     /// Whether the cause of the latched fault is known: at most 6 ms after the bridge switched off.
-    /// The supply may be the cause of a missing current, and its reading arrives later.
+    /// The supply may be the cause of a missing current, and its reading lags behind.
     #[must_use]
     pub const fn is_cause_known(&self) -> bool {
         self.blame.is_settled()
     }
 
-    /// Measured value and limit for a latched fault: current, A; supply, V, its lowest and the
-    /// voltage needed, or its highest and the limit; energy, J; time, s. `None` for faults without
-    /// numbers.
+    /// Measured value and limit of a latched fault. Current faults: A. Supply faults, V: lowest
+    /// reading and voltage needed, or highest reading and limit. Energy: J. On-time: s. `None` for
+    /// faults without numbers.
     #[must_use]
     pub const fn value_and_limit(&self, fault: Fault) -> Option<[f32; 2]> {
         match fault {
@@ -190,11 +192,11 @@ impl Supervisor {
         }
     }
 
-    /// Orders a self-test; refused while a fault is latched.
+    /// Orders a self-test.
     ///
     /// # Errors
-    /// A fault is latched, a test is running, the supply is outside its limits, or too much energy
-    /// was taken already.
+    /// A fault is latched, a test is running, the supply is outside its limits, or the energy
+    /// account has too little left.
     pub fn test(&mut self, report: &Report, supply_v: f32) -> Result<Order, Refusal> {
         match report.state {
             DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
@@ -215,7 +217,8 @@ impl Supervisor {
         }
         let full = i32::from(self.hardware.full_level);
         let target = self.hardware.units(TARGET_A);
-        // The greatest voltage is the one that the target needs through the greatest resistance.
+        // The test needs at most the voltage that drives the target current through the greatest
+        // resistance.
         let [_, most_ohm] = self.limits.resistance_ohm;
         let most = (TARGET_A * most_ohm / supply_v).min(self.limits.duty);
         Ok(Order(Orders::Test(TestPlan {
@@ -232,10 +235,10 @@ impl Supervisor {
         })))
     }
 
-    /// Orders a straight line of the current. A bridge that is off wakes first: a line with an
-    /// earlier start time starts when the bridge is awake. `now_us` reads the clock of the start
-    /// time, and is read again after the checks, which take a processor without floating point
-    /// 0.2 ms. Apply the order at once.
+    /// Orders a straight line of the current. A bridge that is off wakes first; a line whose start
+    /// time comes earlier starts when the bridge is awake. `now_us` reads the clock of the start
+    /// time. It is called again after the checks, since they take 0.2 ms on a processor without
+    /// floating point. Apply the order at once.
     ///
     /// # Errors
     /// No coil is known, a fault is latched, or a limit would be exceeded; [`Refusal::Energy`] if
@@ -312,15 +315,15 @@ impl Supervisor {
         Order(Orders::Clear)
     }
 
-    /// Orders a correction of the measured current from now on. The trip level is not corrected: it
-    /// applies to the converter's reading.
+    /// Orders a correction of the measured current from now on. Only the trip level stays
+    /// uncorrected: it applies to the converter's reading.
     #[must_use]
     pub const fn correct(correction: Correction) -> Order {
         Order(Orders::Correct(correction))
     }
 
-    /// Attends to the drive; call it about every millisecond. `supply_v` is the measured supply,
-    /// `elapsed_us` the time since the last call.
+    /// Evaluates the drive's report and returns the next order for the drive; call it about every
+    /// millisecond. `supply_v` is the measured supply, `elapsed_us` the time since the last call.
     ///
     /// Without this call a drive switches itself off after
     /// [`ATTENDED_WITHIN`](crate::ATTENDED_WITHIN) periods.
@@ -360,7 +363,7 @@ impl Supervisor {
         Order(orders)
     }
 
-    /// Records value and limit of a fault that the drive has detected by itself.
+    /// Records measured value and limit of a fault that the drive has detected by itself.
     fn follow_fault(&mut self, report: &Report, elapsed_us: u32) {
         let DriveState::Latched(fault) = report.state else {
             self.found = None;
@@ -381,10 +384,10 @@ impl Supervisor {
         };
     }
 
-    /// Takes a reading of the supply. Call it before [`attend`](Self::attend) if that receives a
-    /// smoothed value: with the latest reading, and with the reading at the moment at which the
-    /// bridge switched off. The lowest of them shows whether a supply that broke down caused a
-    /// missing current.
+    /// Takes a reading of the supply. If [`attend`](Self::attend) receives a smoothed value, call
+    /// this before it with the latest reading, and with the reading at the moment at which the
+    /// bridge switched off. The lowest of these readings shows whether a supply that broke down
+    /// caused a missing current.
     pub fn read_supply(&mut self, reading_v: f32) {
         let lowest_v = self
             .lowest_v
@@ -444,12 +447,14 @@ impl Supervisor {
         }
     }
 
-    /// Returns the law for the present supply and resistance, if they have changed.
+    /// Returns an order with the control law for the present supply and resistance, if they have
+    /// changed.
     fn adapt(&mut self, supply_v: f32) -> Orders {
         let Some(findings) = self.findings else {
             return Orders::Attended;
         };
-        // Range of heated copper; beyond it a slowly developing short is not followed.
+        // Range of the resistance of heated copper: a slowly developing short beyond it is not
+        // compensated.
         let tested_ohm = findings.coil.resistance_ohm;
         let now_ohm = self.resistance_ohm.unwrap_or(tested_ohm);
         // Not `clamp`, which panics if a limit is NaN.
@@ -515,10 +520,10 @@ impl Supervisor {
 }
 
 impl SupplyModel {
-    /// Updates the model from the part d of a period for which the supply drives, the mean current
-    /// I, the supply and the apparent resistance. The supply's resistance r lowers its mean voltage
-    /// to V = V₀ − r d I. The apparent resistance of the coil, V d/I, is with d = R I/(V₀ − r I)
-    /// the resistance R of coil and bridge, plus r d (1 − d).
+    /// Updates the model from the fraction d of a period for which the supply drives, the mean
+    /// current I, the measured supply and the apparent resistance. The supply's resistance r lowers
+    /// its mean voltage to V = V₀ − r d I. With d = R I/(V₀ − r I), the apparent resistance V d/I
+    /// is R + r d (1 − d), where R is the resistance of coil and bridge.
     fn follow(&mut self, share: f32, mean_a: f32, supply_v: f32, seen_ohm: f32) {
         let ohm = (self.open_v - supply_v) / (share * mean_a);
         self.ohm = if ohm > 0.0 { ohm } else { 0.0 };

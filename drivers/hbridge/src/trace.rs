@@ -10,7 +10,8 @@ use crate::hardware::Hardware;
 pub struct Trace<const N: usize> {
     units: [AtomicI16; N],
     taken: AtomicU32,
-    /// Periods between two records, and periods left until the next.
+    /// Number of periods between two recorded currents, and (`left`) periods left until the next
+    /// one.
     every: AtomicU32,
     left: AtomicU32,
 }
@@ -33,8 +34,8 @@ impl<const N: usize> Trace<N> {
         }
     }
 
-    /// Starts a new record with one current every `every` periods. Must not be interrupted by
-    /// [`push`](Self::push).
+    /// Starts a new record that takes one current every `every` periods. [`push`](Self::push) must
+    /// not interrupt this function.
     pub fn start(&self, every: u32) {
         let every = every.max(1);
         self.taken.store(0, Ordering::Relaxed);
@@ -42,8 +43,8 @@ impl<const N: usize> Trace<N> {
         self.every.store(every, Ordering::Release);
     }
 
-    /// Records the current of a period: [`Drive::measured`](crate::Drive::measured). Does nothing
-    /// when the trace is full.
+    /// Records the current of a period, from [`Drive::measured`](crate::Drive::measured). Does
+    /// nothing if the trace is full.
     #[inline]
     pub fn push(&self, units: i32) {
         let every = self.every.load(Ordering::Relaxed);
@@ -58,7 +59,8 @@ impl<const N: usize> Trace<N> {
         self.left.store(every, Ordering::Relaxed);
         let taken = self.taken.load(Ordering::Relaxed);
         if let Some(index) = self.units.get(taken as usize) {
-            // Two samples of 12 bits relative to their zero: 14 bits.
+            // The sum of two samples of 12 bits, relative to the reading without current, takes 14
+            // bits.
             index.store(units as i16, Ordering::Relaxed);
             self.taken.store(taken + 1, Ordering::Release);
         }

@@ -1,36 +1,36 @@
-//! Checks while current flows, on sums over a block of periods at its end.
+//! Checks while current flows, made at the end of each block of periods on the block's sums.
 
 use crate::averages::BLOCK;
 use crate::fault::Fault;
 use crate::line::Setpoint;
 use crate::regulator::Gains;
 
-/// Number of successive blocks in which voltage and current do not match.
+/// Number of successive blocks with mismatched voltage and current after which a fault is reported.
 const UNBALANCED_BLOCKS: u32 = 4;
-/// Number of successive blocks in which the current is off its setpoint.
+/// Number of successive blocks that end off the setpoint after which a fault is reported.
 const TRACKING_BLOCKS: u32 = 31;
 
 /// Periods within which voltage without current, or current without voltage, is detected. A change
-/// within a block is seen in the next block.
+/// within a block may be detected only from the next block on.
 pub const BALANCED_WITHIN: u32 = (UNBALANCED_BLOCKS + 1) * BLOCK;
 /// Periods within which a current that does not reach its setpoint is detected.
 pub const FOLLOWS_WITHIN: u32 = (TRACKING_BLOCKS + 1) * BLOCK;
-/// Deadline of the supervisor, in periods: 20 ms at 16 us.
+/// Deadline for the supervisor's next order, in periods: 20 ms at 16 us.
 pub const ATTENDED_WITHIN: u32 = 1_250;
 
 /// Limits of the checks, in units and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Largest difference of voltage without a fault, levels: 1/24 of the supply, for dead time,
-    /// diodes and a supply that has just changed.
+    /// Largest difference of applied and needed voltage without a fault, levels: 1/24 of the
+    /// supply, which covers dead time, diodes and a supply that has just changed.
     pub(crate) margin: i32,
-    /// Largest tracking error without a fault, units.
+    /// Largest tracking error of the current without a fault, units.
     pub(crate) tracking: i32,
     /// Longest on-time of the bridge, periods.
     pub(crate) on_periods: u32,
 }
 
-/// Sums over the current block.
+/// Sums over the block so far, and (`periods`) its number of periods so far.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct BlockSums {
@@ -68,7 +68,7 @@ impl BlockSums {
 /// Results of the checks so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watch {
-    /// Current at the end of the last block.
+    /// Measured current at the end of the last block.
     last: i32,
     unbalanced: u32,
     off_target: u32,
@@ -101,7 +101,8 @@ impl Watch {
         setpoint: Setpoint,
         measured: i32,
     ) -> Option<Fault> {
-        // Voltage that this current needed: u - drop i = di/pull, all times the block.
+        // Level that the measured current needed, summed over the block: resistive drop i, plus
+        // inductive di/pull.
         let resistive = (gains.drop >> 4) * (block.units >> 4);
         let change = (measured - self.last).clamp(-8_000, 8_000);
         let inductive = (gains.kick * change) >> 12;
@@ -119,7 +120,7 @@ impl Watch {
             0
         };
         if self.unbalanced >= UNBALANCED_BLOCKS {
-            // The excess has the sign of the applied voltage: the current is too low.
+            // The excess voltage has the sign of the applied voltage: the current is too low.
             let missing = (excess > 0) == (block.levels > 0);
             return Some(if missing {
                 Fault::CurrentMissing
@@ -130,7 +131,7 @@ impl Watch {
         (self.off_target >= TRACKING_BLOCKS).then_some(Fault::NotFollowing)
     }
 
-    /// Time with the bridge on, in periods of whole blocks.
+    /// Time with the bridge on, in periods; counts complete blocks only.
     pub(crate) const fn on(&self) -> u32 {
         self.on
     }
