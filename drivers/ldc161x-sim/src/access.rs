@@ -6,14 +6,14 @@ use crate::registers::{Config, Register, address, describe};
 use crate::sensor::Sensors;
 use crate::switches::{ActiveWrite, ConfigReadback};
 
-/// Bits 5:0 of CONFIG, which must be written 00 0001.
+/// Bits 5:0 of CONFIG, which are reserved and must be written 00 0001.
 const CONFIG_RESERVED: u16 = 0x003F;
 /// Reset bit of RESET_DEV.
 const RESET: u16 = 0x8000;
 
 impl<S: Sensors> Chip<S> {
-    /// Value that a read of the register would return, without the effects of a read, for tests.
-    /// Zero if there is no register at the address (guess).
+    /// Value that a read of the register would return, for tests: unlike a read over the bus, it
+    /// changes nothing. Zero if there is no register at the address (guess).
     #[must_use]
     pub fn register(&self, register: u8) -> u16 {
         match register {
@@ -102,7 +102,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Stores a value in a register that may be written in sleep only.
+    /// Stores a value in a register that may be written only while the chip sleeps.
     fn store(&mut self, register: &Register, value: u16) {
         if self.registers.config().sleeps() {
             self.registers.write(register, value);

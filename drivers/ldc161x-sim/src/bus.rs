@@ -24,7 +24,7 @@ pub enum I2cError {
     Bus,
     /// SCL stayed low for longer than the deadline.
     Timeout,
-    /// The test holds a borrow of the chip across a call of the driver.
+    /// The test held a borrow of the chip while it called the driver.
     Borrowed,
 }
 
@@ -53,11 +53,11 @@ impl fmt::Display for I2cError {
 
 impl core::error::Error for I2cError {}
 
-/// An I2C master with one chip, or more, on its bus.
+/// An I2C master whose bus has one or more chips.
 ///
 /// Every transfer takes the exact time of its bits: 1 for START, repeated START and STOP, 9 for a
-/// byte. Read the cost from [`Chip::traffic`]. A line that gets stuck acts from the next byte on; a
-/// caller of [`Chip::start`] and the other byte-level methods decides this itself.
+/// byte. [`Chip::traffic`] returns the number of bits. A line that gets stuck acts from the next
+/// byte on; a caller of [`Chip::start`] and the other byte-level methods decides this itself.
 ///
 /// ```
 /// use core::cell::RefCell;
@@ -100,8 +100,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         }
     }
 
-    /// Sets a pause that the master needs after each transaction; 1 µs to 43 µs have been seen on
-    /// real masters.
+    /// Sets the pause that the master needs after each transaction; pauses of 1 µs to 43 µs have
+    /// been measured on real masters.
     #[must_use]
     pub fn with_gap(self, gap: Time) -> Self {
         Self { gap, ..self }
@@ -113,7 +113,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Self { deadline, ..self }
     }
 
-    /// Sends SCL pulses, as a master does to free SDA before it gives up.
+    /// Sends SCL pulses: a master does that to free SDA before it gives up.
     ///
     /// # Errors
     /// [`I2cError::Borrowed`].
@@ -138,8 +138,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         })
     }
 
-    /// Sends a byte from the master. While SDA is stuck low a byte of ones is lost, and a byte of
-    /// zeros seems to be acknowledged.
+    /// Sends a byte from the master. While SDA is stuck low, the master loses arbitration at the
+    /// first 1 of the byte; a byte of zeros seems to be acknowledged.
     fn send(
         &mut self,
         byte: u8,
@@ -164,7 +164,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Ok(byte)
     }
 
-    /// Advances by some bits; if SCL is held low at their end, until it is released. Returns the
+    /// Advances by a number of bits and, if SCL is held low then, until it is released. Returns the
     /// time after that.
     fn clock(&mut self, bits: u64) -> Result<Time, I2cError> {
         let time = now(self.chips)? + self.bit.times(bits);
@@ -219,7 +219,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Ok(release)
     }
 
-    /// Waits until a held line is released, but no longer than the deadline.
+    /// Waits until a line that is held low is released, but no longer than the deadline.
     fn await_release(&mut self, release: Option<Time>, late: I2cError) -> Result<(), I2cError> {
         let Some(release) = release else {
             return Ok(());
@@ -242,7 +242,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         let mut rest = operations;
         while let Some((operation, later)) = rest.split_first_mut() {
             let reads = matches!(operation, Operation::Read(_));
-            // adjacent operations of one kind are one transfer: no START between them
+            // Adjacent operations of the same direction are one transfer, without a START between
+            // them.
             if direction != Some(reads) {
                 self.start(address, reads)?;
                 direction = Some(reads);
@@ -273,7 +274,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
     }
 }
 
-/// Whether the operations start with a read of at least one byte.
+/// Whether the first byte that the operations transfer is a read.
 fn reads_on(operations: &[Operation<'_>]) -> bool {
     operations
         .iter()
@@ -323,8 +324,7 @@ impl<'a, S: Sensors> Delay<'a, S> {
     }
 
     fn wait(&self, length: Time) {
-        // this function cannot return an error; the next transfer reports a borrow that the test
-        // holds
+        // A delay cannot return an error: if the test holds a borrow, the next transfer reports it.
         if let Ok(time) = now(self.chips) {
             let _ = each(self.chips, |chip| chip.advance_to(time + length));
         }
@@ -429,7 +429,8 @@ fn now<S: Sensors>(chips: &[RefCell<Chip<S>>]) -> Result<Time, I2cError> {
 
 #[cfg(feature = "async")]
 mod asynchronous {
-    //! The bus and delay for asynchronous drivers: simulated time needs no waiting.
+    //! The bus and the delay as asynchronous traits of `embedded-hal-async`; simulated time needs
+    //! no waiting.
 
     use super::{Bus, Delay, I2c, Operation, Sensors, SevenBitAddress};
     use embedded_hal::delay::DelayNs;

@@ -14,8 +14,8 @@ use crate::sequence_state::Sequence;
 use crate::settings::{ExternalClock, Settings};
 use crate::time::Time;
 
-/// Steps of the schedule that one call of [`Chip::advance_to`] runs before it skips the rest: some
-/// two million conversions, or half an hour at a kilohertz. The limit keeps a call with a senseless
+/// Most steps of the schedule that one call of [`Chip::advance_to`] runs before it skips ahead:
+/// about two million conversions, or half an hour at 1 kHz. The limit keeps a call with a senseless
 /// time from running for days.
 const LONGEST_RUN: u32 = 1 << 22;
 
@@ -33,8 +33,8 @@ pub struct Misuse {
     pub writes_while_active: u64,
     /// Accesses that the master broke off between the two bytes of a register (7.5.2).
     pub early_terminations: u64,
-    /// Conversions with RCOUNT below 9, SETTLECOUNT below 4 or FIN_DIVIDER 0 (tables 21, 43); every
-    /// such conversion counts.
+    /// Conversions with RCOUNT below 9, SETTLECOUNT below 4 or FIN_DIVIDER 0 (tables 21, 43);
+    /// counted once for each such conversion.
     pub reserved_values: u64,
     /// Conversions with the reference above 35 MHz (single channel), 40 MHz (autoscan, external) or
     /// 55 MHz (autoscan, internal) (table 43).
@@ -48,8 +48,9 @@ pub struct Misuse {
 
 /// One LDC1612 or LDC1614 with its sensors.
 ///
-/// Time only moves forward, by [`Chip::advance_to`] and by the calls of the bus, which carry their
-/// own times; a time before [`Chip::now`] counts as now. A clone is a snapshot of the whole state.
+/// Time only moves forward, by [`Chip::advance_to`] and by the methods of the bus, which receive
+/// the time of each byte; a time before [`Chip::now`] counts as now. A clone is a snapshot of the
+/// whole state.
 ///
 /// ```
 /// use ldc161x_sim::{Chip, Settings, Time};
@@ -75,13 +76,14 @@ pub struct Chip<S> {
     /// Whether [`crate::SleepExit::LosesOnce`] has taken effect.
     pub(crate) has_lost_registers: bool,
     shut_down: bool,
-    /// Time from which on the bus answers.
+    /// Time from which on the chip answers on the bus.
     awake: Time,
     address_pin_high: bool,
 }
 
 impl<S: Sensors> Chip<S> {
-    /// Creates a chip that has long been powered: asleep, with its registers at their reset values.
+    /// Creates a chip whose start-up after power-on is over: asleep, with its registers at their
+    /// reset values.
     #[must_use]
     pub fn new(settings: Settings, sensors: S) -> Self {
         Self {
@@ -111,7 +113,7 @@ impl<S: Sensors> Chip<S> {
 
     /// Runs the chip up to a time.
     ///
-    /// A call that would run more than some two million conversions skips the rest of them: the
+    /// A call that would run more than about two million conversions skips the remaining ones: the
     /// current channel then restarts at `time`.
     pub fn advance_to(&mut self, time: Time) {
         let mut steps_left = LONGEST_RUN;
@@ -127,8 +129,8 @@ impl<S: Sensors> Chip<S> {
         self.now = self.now.max(time);
     }
 
-    /// Time of the next event inside the chip; `None` if only the bus or a pin can wake it. An
-    /// emulated microcontroller need not poll INTB before that time.
+    /// Time at which the chip next changes by itself; `None` if only the bus or a pin can wake it.
+    /// An emulated microcontroller need not poll INTB before that time.
     #[must_use]
     pub fn next_event(&self) -> Option<Time> {
         let sequence = self.sequence_due().time();
@@ -145,7 +147,7 @@ impl<S: Sensors> Chip<S> {
     }
 
     /// Runs the chip until INTB is low, or up to `limit`. Returns the time of the falling edge, or
-    /// now if the pin is low already; `None` if it stays high.
+    /// the current time if the pin is low already; `None` if the pin stays high.
     pub fn advance_to_interrupt(&mut self, limit: Time) -> Option<Time> {
         while !self.intb_is_low() {
             match self.next_event().filter(|&due| due <= limit) {
@@ -190,21 +192,22 @@ impl<S: Sensors> Chip<S> {
         self.shut_down = high;
     }
 
-    /// Sets the level of the ADDR pin. The chip follows it in shutdown only (datasheet 7.4.4).
+    /// Sets the level of the ADDR pin. It changes the chip's address only while the chip is shut
+    /// down (datasheet 7.4.4).
     pub fn set_address_pin(&mut self, high: bool) {
         if self.shut_down {
             self.address_pin_high = high;
         }
     }
 
-    /// Sets the clock at CLKIN from the current time on; `None` for no clock. If the current
-    /// conversion uses that clock, it restarts.
+    /// Sets the clock at CLKIN from the current time on; `None` for no clock. A current conversion
+    /// restarts if it uses that clock.
     pub fn set_external_clock(&mut self, clock: Option<ExternalClock>) {
         self.settings.external_clock = clock;
         self.follow_clkin();
     }
 
-    /// Lets the supply dip and return at once: a power-on reset, and silence on the bus for the
+    /// Simulates a short dip of the supply: a power-on reset, and no answer on the bus for the
     /// wake-up time.
     pub fn brown_out(&mut self) {
         self.reset();
@@ -224,7 +227,7 @@ impl<S: Sensors> Chip<S> {
         self.results.clear();
     }
 
-    /// Whether the chip follows the bus.
+    /// Whether the chip takes part in bus transfers.
     pub(crate) fn is_on_the_bus(&self) -> bool {
         !self.shut_down && self.now >= self.awake
     }
@@ -235,10 +238,10 @@ impl<S: Sensors> Chip<S> {
 
     // ---- faults ----
 
-    /// Schedules a fault; a fault whose time has come starts at once.
+    /// Schedules a fault; it starts at once if its start time has passed.
     ///
     /// # Errors
-    /// [`ScheduleFull`] when [`crate::FAULT_SLOTS`] faults wait or act.
+    /// [`ScheduleFull`] if [`crate::FAULT_SLOTS`] faults are waiting or active.
     pub fn schedule(&mut self, event: FaultEvent) -> Result<FaultId, ScheduleFull> {
         let fault = self.faults.add(event)?;
         self.advance_to(self.now);
@@ -254,7 +257,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// State of a fault; `None` once a later fault has taken its slot.
+    /// State of a fault; `None` if its slot has been reused for a later fault.
     #[must_use]
     pub fn fault_state(&self, fault: FaultId) -> Option<FaultState> {
         self.faults.state(fault)
@@ -278,8 +281,8 @@ impl<S: Sensors> Chip<S> {
             .any(|fault| *fault == ChipFault::ClockLoss)
     }
 
-    /// Applies the immediate effect of a fault that starts or ends; its other effects are polled
-    /// while it is active.
+    /// Applies the immediate effect of a fault that starts or ends. All other effects are polled
+    /// while the fault is active.
     pub(crate) fn apply(&mut self, change: FaultChange) {
         match change.fault {
             ChipFault::BrownOut(Lost::Everything) => self.brown_out(),
@@ -302,7 +305,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Changes a stored register without the bus; CONFIG still puts the chip to sleep or wakes it.
+    /// Changes a stored register without a bus transfer; as over the bus, CONFIG puts the chip to
+    /// sleep or wakes it.
     fn put_register(&mut self, address: u8, value: u16) {
         let slept = self.registers.config().sleeps();
         self.registers.set(address, value);
@@ -311,7 +315,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Starts or stops conversions after a change of CONFIG.
+    /// Starts or stops conversions after CONFIG has changed; `slept` is whether the chip slept
+    /// before.
     pub(crate) fn follow_sleep(&mut self, slept: bool) {
         match (slept, self.registers.config().sleeps()) {
             (true, false) => self.wake(),
@@ -351,8 +356,8 @@ impl<S: Sensors> Chip<S> {
         &self.sensors
     }
 
-    /// The sensors connected to the inputs, mutable. The current conversion is counted with the
-    /// sensors connected at its end.
+    /// The sensors connected to the inputs, mutable. The current conversion is computed at its end,
+    /// with the sensors that are connected then.
     pub fn sensors_mut(&mut self) -> &mut S {
         &mut self.sensors
     }
@@ -363,14 +368,14 @@ impl<S: Sensors> Chip<S> {
         !self.shut_down && !self.registers.config().sleeps()
     }
 
-    /// Number of conversions of a channel that ended with a result, good or bad.
+    /// Number of conversions of a channel that ended with a result, with or without errors.
     #[must_use]
     pub fn conversions(&self, channel: u8) -> u64 {
         self.results.finished(channel)
     }
 
-    /// Number of results of a channel that were overwritten before DATAx_MSB was read, whatever
-    /// UNREADCONVx said.
+    /// Number of results of a channel that were overwritten before DATAx_MSB was read, independent
+    /// of UNREADCONVx.
     #[must_use]
     pub fn overwritten(&self, channel: u8) -> u64 {
         self.results.overwritten(channel)
@@ -382,15 +387,16 @@ impl<S: Sensors> Chip<S> {
         self.results.newest(channel)
     }
 
-    /// Ground truth of the conversion whose result was last latched by a read of DATAx_MSB: the one
-    /// that the driver has read. `None` if there was none to read: since sleep, or because the
-    /// watchdog had aborted it.
+    /// Ground truth of the conversion that the driver has read, whose result the last read of
+    /// DATAx_MSB latched. `None` if there was no result: none since sleep, or the watchdog had
+    /// aborted the conversion.
     #[must_use]
     pub fn last_read(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.last_read(channel)
     }
 
-    /// Number of falling edges that the chip has driven on INTB, whether or not the line is stuck.
+    /// Number of falling edges of INTB that the chip has driven, including those that a stuck line
+    /// hides.
     #[must_use]
     pub fn interrupts(&self) -> u64 {
         self.results.falling_edges()

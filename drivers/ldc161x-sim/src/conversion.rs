@@ -9,7 +9,7 @@ use crate::settings::Settings;
 use crate::switches::Deglitch33;
 use crate::time::{Moment, Time};
 
-/// Largest word, 0xFFF_FFFF: over-range.
+/// Largest word, 0xFFF_FFFF: it means over-range.
 pub(crate) const OVER_RANGE_WORD: u32 = (1 << 28) - 1;
 
 /// Ground truth of one finished conversion, for a test.
@@ -19,33 +19,33 @@ pub struct TrueConversion {
     pub channel: u8,
     /// Number of earlier conversions of this channel since the chip was created.
     pub number: u64,
-    /// Time at which the gate opens.
+    /// Time at which the counter's gate opens.
     pub start: Time,
-    /// Time at which the gate closes; at this time the result is available and INTB falls.
+    /// Time at which the counter's gate closes: the result is available, and INTB falls.
     pub end: Time,
     /// Mean of [`Sensors::frequency_hz`] from `start` to `end`, Hz.
     pub sensor_hz: f64,
-    /// Mean frequency at the comparator, Hz: the sensor's with the shifts by drive, clamp and
-    /// settling, with noise and with external pulling. The word encodes this frequency.
+    /// Mean frequency at the comparator, Hz: the sensor's frequency with the shifts by drive, clamp
+    /// and settling, with noise and with external pulling. The word encodes this frequency.
     pub oscillation_hz: f64,
-    /// True reference frequency behind FREF_DIVIDERx, Hz.
+    /// True reference frequency after FREF_DIVIDERx, Hz.
     pub reference_hz: f64,
-    /// Peak amplitude at the start, V.
+    /// Peak amplitude at the start of the conversion, V.
     pub amplitude_v: f64,
     /// Drive-current code in use, 0 to 31.
     pub drive_code: u8,
-    /// M and N; both zero if quantisation is off or no edge was counted.
+    /// The counts M and N; both zero if quantisation is off or no edge was counted.
     pub counts: Counts,
-    /// The 28-bit word as in DATAx, after OFFSETx.
+    /// The 28-bit word in DATAx, after subtraction of OFFSETx.
     pub word: u32,
     /// Errors of the conversion, whether or not ERROR_CONFIG reports them.
     pub errors: Errors,
-    /// Whether the count is wrong without any report: a register was written during the conversion,
-    /// or the deglitch filter is slower than the sensor.
+    /// Whether the count is wrong although the chip reports no error: a register was written during
+    /// the conversion, or the deglitch filter is slower than the sensor.
     pub spoilt: bool,
 }
 
-/// Frequency of a sensor over a window of time, Hz.
+/// Frequency of a sensor over a time window, Hz: at its start, in the mean, and at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sweep {
     pub(crate) first: f64,
@@ -54,9 +54,9 @@ pub(crate) struct Sweep {
 }
 
 impl Sweep {
-    /// Integrates by composite five-point Gauss–Lobatto quadrature: exact for polynomials of degree
-    /// 7 in each panel, with nodes at both ends, where the first and the last edge need the
-    /// frequency.
+    /// Integrates the frequency by composite five-point Gauss–Lobatto quadrature: exact for
+    /// polynomials of degree 7 in each panel. Its nodes include both ends of the window, where the
+    /// frequency gives the times of the first and the last edge.
     pub(crate) fn over(
         sensors: &impl Sensors,
         channel: u8,
@@ -92,8 +92,9 @@ impl Sweep {
         }
     }
 
-    /// Spreads the external pulling evenly over the conversion: the edges at its ends are then
-    /// timed by a frequency that is off by some 10⁻⁵ at most.
+    /// Adds the cycles by which external pulling advances the oscillation to the mean frequency.
+    /// The frequency at both ends is not changed: it is off by about 10⁻⁵ at most, which affects
+    /// only the times of the first and the last edge.
     fn pulled(self, sensors: &impl Sensors, channel: u8, start_s: f64, length_s: f64) -> Self {
         let window = Window {
             start_s,
@@ -119,7 +120,8 @@ impl Sweep {
     }
 }
 
-/// √(3/7), and the weights of the five nodes.
+/// Position √(3/7) of the inner nodes of five-point Gauss–Lobatto quadrature; then the weights of
+/// its nodes.
 const INNER_NODE: f64 = 0.654_653_670_707_977_2;
 const END_WEIGHT: f64 = 0.1;
 const INNER_WEIGHT: f64 = 49.0 / 90.0;
@@ -146,23 +148,23 @@ pub(crate) struct Gate {
     pub(crate) deglitch: u8,
     pub(crate) reference_hz: f64,
     pub(crate) drive_code: u8,
-    /// Amplitude at the start, V.
+    /// Peak amplitude at the start of the conversion, V.
     pub(crate) amplitude_v: f64,
-    /// Amplitude after settling, V.
+    /// Peak amplitude that the drive current sustains after settling, V.
     pub(crate) settled_v: f64,
     /// Whether a register was written during the conversion.
     pub(crate) disturbed: bool,
 }
 
 impl Gate {
-    /// Length of the gate in reference periods: 16 RCOUNT, at least 16, so that every conversion
-    /// takes time.
+    /// Length of the gate in reference periods: 16 RCOUNT, but at least 16, so that every
+    /// conversion takes time.
     pub(crate) fn clocks(&self) -> f64 {
         16.0 * f64::from(self.rcount.max(1))
     }
 
-    /// Counts the sensor. `phase` is the phase of the divided signal in cycles; it is advanced from
-    /// the start to the end of the conversion.
+    /// Computes the result of the conversion. `phase` is the phase of the divided sensor signal at
+    /// the start, in cycles; it is advanced to the end of the conversion.
     pub(crate) fn measure(
         &self,
         settings: &Settings,
@@ -222,7 +224,8 @@ impl Gate {
             + drive.settling_shift * missing
     }
 
-    /// Relative noise of the mean frequency: white, so it falls with the square root of the time.
+    /// Relative noise of the mean frequency: white, so it is inversely proportional to the square
+    /// root of the conversion time.
     fn noise(&self, settings: &Settings, length_s: f64, random: &mut Random) -> f64 {
         if settings.conversions.noise_at_1ms <= 0.0 {
             return 0.0;
@@ -231,9 +234,9 @@ impl Gate {
         settings.conversions.noise_at_1ms * faint * libm::sqrt(1e-3 / length_s) * random.normal()
     }
 
-    /// Share of the edges that reach the counter. A filter slower than the sensor swallows some of
-    /// them (datasheet 8.1.7 only requires that it is faster; the number lost is a guess). In the
-    /// model a write during the conversion does the same.
+    /// Fraction of the edges that reach the counter. A deglitch filter slower than the sensor
+    /// swallows some of them (datasheet 8.1.7 only requires that it is faster; how many are lost is
+    /// a guess). In the model, a register write during the conversion also loses edges.
     fn share_seen(&self, oscillation_hz: f64, bandwidth_hz: f64, random: &mut Random) -> f64 {
         let mut share = 1.0;
         if oscillation_hz >= bandwidth_hz {
@@ -245,7 +248,7 @@ impl Gate {
         share
     }
 
-    /// The signal behind FIN_DIVIDERx; a divider of zero passes no edges.
+    /// The sensor's signal after FIN_DIVIDERx; a divider of zero passes no edges.
     fn signal(&self, seen: Sweep, phase: f64, length_s: f64) -> DividedSignal {
         let divided = match self.sensor_divider {
             0 => seen.scaled(0.0),
@@ -273,7 +276,8 @@ impl Gate {
     }
 }
 
-/// The word after subtraction of OFFSETx, in units of 2⁻¹⁶ of the reference (datasheet equation 6).
+/// The word after subtraction of OFFSETx, whose unit is 2⁻¹⁶ of the reference frequency (datasheet
+/// equation 6).
 fn offset_word(ratio: Ratio, offset: u16) -> (u32, Errors) {
     let offset = u32::from(offset) << 12;
     match ratio {
@@ -287,8 +291,8 @@ fn offset_word(ratio: Ratio, offset: u16) -> (u32, Errors) {
     }
 }
 
-/// Bandwidth of the deglitch filter, Hz (datasheet tables 28 and 45). Reserved codes count as the
-/// narrowest (guess).
+/// Bandwidth of the deglitch filter, Hz (datasheet tables 28 and 45). A reserved code selects the
+/// narrowest filter (guess).
 fn deglitch_hz(code: u8, widest: Deglitch33) -> f64 {
     match (code, widest) {
         (0b111, Deglitch33::Code111) | (0b011, Deglitch33::Code011) => 33e6,

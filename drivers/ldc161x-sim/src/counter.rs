@@ -1,38 +1,42 @@
 //! The counter: turns a frequency into a quotient of two whole numbers.
 //!
-//! Recorded words decode as round(2²⁸ M/N) with N some 16 to 28 below 32 RCOUNT, some of them with
-//! odd M (reference `ldc1614.md`, section 0.1). A reciprocal counter produces such words: it times
-//! a whole number of sensor periods, from the first edge in the gate to the last, in whole
-//! reference periods. This module computes those edges. It uses no formula for the variance of the
-//! result, so dithering, stuck words and beats emerge by themselves.
+//! Recorded words decode as round(2²⁸ M/N) with N about 16 to 28 below 32 RCOUNT, some of them with
+//! odd M (reference `ldc1614.md`, section 0.1). A reciprocal counter produces such words: it
+//! measures the time of a whole number of sensor periods, from the first edge in the gate to the
+//! last, in whole reference periods. This module computes the times of those edges. It uses no
+//! formula for the variance of the result, so dithering, stuck words and beats emerge by
+//! themselves.
 
 use crate::switches::Counter;
 
-/// Full scale of a word: a sensor as fast as the reference.
+/// Word of a sensor as fast as the reference.
 const FULL_SCALE: u64 = 1 << 28;
 
-/// The first part of a gate, in which no edge is counted.
+/// Time at the start of a gate during which no edge is counted: the sum of a number of reference
+/// clocks and a number of sensor periods.
 ///
-/// Its two parts were fitted by maximum likelihood to 15 recorded words (nine at 12 MHz with 3.8
-/// clocks in a sensor period, six at 40 MHz with 9.2). No constant number of clocks explains all of
+/// Both numbers were fitted by maximum likelihood to 15 recorded words: nine at 12 MHz with 3.8
+/// clocks in a sensor period, six at 40 MHz with 9.2. No constant number of clocks explains all of
 /// them: the gap between N and 32 RCOUNT grows with the sensor's period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StartUp {
-    /// Reference clocks. Both counters fit best with 4, the "+4" of datasheet equation 7.
+    /// Number of reference clocks. Both [`Counter`] methods fit best with 4, the "+4" of datasheet
+    /// equation 7.
     pub clocks: f64,
-    /// Sensor periods, behind FIN_DIVIDERx.
+    /// Number of sensor periods, after FIN_DIVIDERx.
     pub periods: f64,
 }
 
 impl StartUp {
-    /// Fitted for each gate of [`Counter::TwoGates`]; ±0.5 clocks and ±0.1 periods fit equally
-    /// well.
+    /// Fitted for [`Counter::TwoGates`], for each of its gates; values off by ±0.5 clocks and ±0.1
+    /// periods fit equally well.
     pub const TWO_GATES: Self = Self {
         clocks: 4.0,
         periods: 0.5,
     };
-    /// Fitted for [`Counter::HalfPeriods`]; half a clock more makes one of the words impossible.
+    /// Fitted for [`Counter::HalfPeriods`]; with half a clock more, one of the recorded words could
+    /// not occur.
     pub const HALF_PERIODS: Self = Self {
         clocks: 4.0,
         periods: 1.0,
@@ -46,25 +50,25 @@ impl StartUp {
     }
 }
 
-/// Parameters of the counter core.
+/// Parameters of the counting method.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Core {
     pub(crate) counter: Counter,
     pub(crate) start_up: StartUp,
-    /// Phase of the falling edge relative to the rising one, cycles.
+    /// Delay of the falling edge after the rising one, in cycles.
     pub(crate) falling_edge: f64,
 }
 
 /// The two whole numbers of one conversion; their ratio M/N gives the word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// M: sensor periods over two gates, or half periods in one.
+    /// M: number of sensor periods in two gates, or of sensor half periods in one gate.
     pub sensor: u64,
-    /// N: reference periods over two gates, or half periods in one.
+    /// N: number of reference periods in two gates, or of reference half periods in one gate.
     pub reference: u64,
 }
 
-/// Ratio of a count.
+/// Word for the ratio M/N of a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ratio {
     /// No edge was counted.
@@ -83,7 +87,7 @@ impl Counts {
         } else if self.sensor >= self.reference {
             Ratio::FullScale
         } else {
-            // M < N keeps the product within 2^28 of N, and N is at most some 2^21
+            // M < N, so the product is below 2^29 N, and N is at most about 2^21.
             let doubled = u128::from(self.sensor) * u128::from(2 * FULL_SCALE);
             let word = (doubled + u128::from(self.reference)) / (2 * u128::from(self.reference));
             Ratio::Word(u32::try_from(word).unwrap_or(u32::MAX))
@@ -110,26 +114,27 @@ pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
     }
 }
 
-/// The divided sensor signal during one conversion, timed by the reference clock.
+/// The sensor signal after its divider during one conversion, with the reference clock as its time
+/// base.
 ///
 /// Time is in reference periods from the start of the conversion, which is an edge of the
-/// reference, since the gate is counted in these periods. The sensor's phase is free. Only the
-/// first and the last edge in the gate matter, so the signal is given by its phase and its rate at
-/// both ends.
+/// reference, since the gate is counted in reference periods. The sensor's phase is independent of
+/// the reference. Only the first and the last edge in the gate matter, so the signal is given by
+/// its phase and its rate at both ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DividedSignal {
-    /// Phase at the start, cycles.
+    /// Phase at the start of the conversion, cycles.
     pub(crate) phase: f64,
     /// Cycles during the whole conversion: the integral of the frequency.
     pub(crate) cycles: f64,
-    /// Cycles per reference period at the start.
+    /// Cycles per reference period at the start of the conversion.
     pub(crate) first_rate: f64,
-    /// Cycles per reference period at the end.
+    /// Cycles per reference period at the end of the conversion.
     pub(crate) last_rate: f64,
 }
 
 impl DividedSignal {
-    /// Count of the core in a conversion of `clocks` reference periods.
+    /// Counts M and N of a conversion of `clocks` reference periods.
     pub(crate) fn count(&self, core: Core, clocks: f64) -> Counts {
         if !(self.first_rate > 0.0 && self.last_rate > 0.0 && self.cycles > 0.0) {
             return Counts::default();
@@ -154,8 +159,9 @@ impl DividedSignal {
         }
     }
 
-    /// Whole periods between the first and the last edge from `opening` to `clocks`, and the
-    /// reference edges between them. An edge falls where the phase plus `offset` is a whole number.
+    /// Number of whole periods between the first and the last edge from `opening` to `clocks`, and
+    /// number of reference edges between those two edges. An edge falls where the phase plus
+    /// `offset` is a whole number.
     fn gate(&self, offset: f64, opening: f64, clocks: f64) -> Counts {
         let phase_first = self.phase + self.first_rate * opening + offset;
         let phase_last = self.phase + self.cycles + offset;
@@ -168,13 +174,13 @@ impl DividedSignal {
         let last_time = clocks - (phase_last - last_edge) / self.last_rate;
         Counts {
             sensor: whole(last_edge - first_edge),
-            // the reference samples each edge at its own next tick
+            // Both edges are sampled by the reference: each counts at the next reference edge.
             reference: whole(libm::floor(last_time) - libm::floor(first_time)),
         }
     }
 }
 
-/// The number as an integer; zero if negative.
+/// Converts a number to an integer; a negative number gives zero.
 fn whole(number: f64) -> u64 {
     number as u64
 }
@@ -202,21 +208,21 @@ mod tests {
 
     #[test]
     fn a_hand_counted_gate() {
-        // A period of 8 clocks in a gate of 80.5, rising edges at 4, 12 ... 76, falling at 0, 8 ... 80:
-        // rising 9 periods in 72 clocks, falling 10 in 80.
+        // Sensor period of 8 clocks in a gate of 80.5 clocks. Rising edges at 4, 12 ... 76: 9
+        // periods in 72 clocks; falling edges at 0, 8 ... 80: 10 periods in 80 clocks.
         let signal = steady(0.5, 0.125, 80.5);
         let counts = signal.count(core(Counter::TwoGates, 0.0, 0.0), 80.5);
         assert_eq!((counts.sensor, counts.reference), (19, 152));
-        // half periods: edges at 0, 4 ... 80: 20 halves in 160 half clocks
+        // Half periods: edges at 0, 4 ... 80, so 20 half periods in 160 half clocks.
         let counts = signal.count(core(Counter::HalfPeriods, 0.0, 0.0), 80.5);
         assert_eq!((counts.sensor, counts.reference), (20, 160));
-        // a start-up of 5 clocks loses the edges at 0 and 4
+        // A start-up of 5 clocks loses the edges at 0 and 4.
         let counts = signal.count(core(Counter::TwoGates, 5.0, 0.0), 80.5);
         assert_eq!((counts.sensor, counts.reference), (17, 136));
-        // and so does one of 1 clock and half a period
+        // A start-up of 1 clock and half a sensor period loses the edges at 0 and 4, too.
         let counts = signal.count(core(Counter::TwoGates, 1.0, 0.5), 80.5);
         assert_eq!((counts.sensor, counts.reference), (17, 136));
-        // falling edges a quarter period after the rising ones: 6, 14 ... 78
+        // Falling edges a quarter of a period after the rising ones: at 6, 14 ... 78.
         let uneven = Core {
             falling_edge: 0.25,
             ..core(Counter::TwoGates, 0.0, 0.0)
@@ -227,19 +233,21 @@ mod tests {
 
     #[test]
     fn edges_between_reference_ticks_are_counted_at_whole_ticks() {
-        // Period 10.5 clocks, gate 64: rising edges at 0.25, 10.75, ... 52.75, 63.25 -> 6 periods,
-        // 63 - 0 ticks; falling at 5.5, 16, ... 58 -> 5 periods, 58 - 5 ticks.
+        // Sensor period of 10.5 clocks, gate of 64. Rising edges at 0.25, 10.75, ... 52.75, 63.25:
+        // 6 periods in 63 - 0 clocks; falling edges at 5.5, 16, ... 58: 5 periods in 58 - 5 clocks.
         let rate = 1.0 / 10.5;
         let signal = steady(1.0 - 0.25 * rate, rate, 64.0);
         let counts = signal.count(core(Counter::TwoGates, 0.0, 0.0), 64.0);
         assert_eq!((counts.sensor, counts.reference), (11, 63 + 53));
     }
 
-    /// Walks over every edge of one gate of a signal phase + rate t + bend t²/2, one by one.
+    /// Counts one gate by walking over every edge of a signal with the phase `phase + rate t + bend
+    /// t²/2`.
     fn walk(phase: f64, rate: f64, bend: f64, opening: f64, clocks: f64) -> (u64, u64) {
         let mut edges = (0..).map(|edge| {
             let advance = f64::from(edge) - phase;
-            // the root of bend t²/2 + rate t - advance that is stable for a small bend
+            // Root of `bend t²/2 + rate t = advance`, in the form without cancellation for a small
+            // bend.
             2.0 * advance / (rate + (rate * rate + 2.0 * bend * advance).sqrt())
         });
         let first = edges.find(|&time| time >= opening).expect("an edge");
@@ -256,15 +264,15 @@ mod tests {
         let mut random = crate::random::Random::new(3, 0);
         for trial in 0..4_000 {
             let clocks = 16.0 * (9.0 + (random.uniform() * 300.0).floor());
-            // Half of the trials have few periods in the gate: from half a period to ten. Their
-            // frequency is constant, since the code assumes a constant frequency up to the first
-            // edge and after the last.
+            // Half of the trials have only 0.5 to 10 periods in the gate. Their frequency is
+            // constant, since the tested code assumes a constant frequency up to the first edge and
+            // after the last.
             let (rate, change) = if trial % 2 == 0 {
                 (0.02 + 0.23 * random.uniform(), 0.01)
             } else {
                 ((0.5 + 9.5 * random.uniform()) / clocks, 0.0)
             };
-            // up to one percent over the gate
+            // The frequency changes by up to one percent over the gate.
             let bend = change * rate / clocks * random.uniform();
             let phase = random.uniform();
             let falling_edge = 0.1 + 0.8 * random.uniform();
@@ -284,7 +292,8 @@ mod tests {
             let counts = signal.count(core, clocks);
             assert_eq!(counts.sensor, rising.0 + falling.0, "trial {trial}");
             let walked = rising.1 + falling.1;
-            // with a varying frequency the first edge is up to one tick's rounding off
+            // With a varying frequency, the rounding of the first edge's time may differ by one
+            // clock.
             assert!(counts.reference.abs_diff(walked) <= 1, "trial {trial}");
 
             let halves = Core {

@@ -31,8 +31,8 @@ pub fn amplitude_v(parallel_resistance_ohm: f64, current_a: f64) -> f64 {
     4.0 * parallel_resistance_ohm * current_a / PI
 }
 
-/// Code that the automatic calibration settles on: the highest with an amplitude below 1.8 V.
-/// SNOA950 recommends this choice; that the chip makes the same one is a guess.
+/// Drive code that the automatic calibration selects: the highest code with an amplitude below 1.8
+/// V. SNOA950 recommends it for manual selection; that the chip selects the same one is a guess.
 #[must_use]
 pub fn calibrated_code(parallel_resistance_ohm: f64) -> u8 {
     (0..=LARGEST_CODE)
@@ -43,7 +43,7 @@ pub fn calibrated_code(parallel_resistance_ohm: f64) -> u8 {
         .unwrap_or(0)
 }
 
-/// The code after one amplitude correction: one step towards the range of 1.2 V to 1.8 V
+/// Drive code after one amplitude correction: one step towards an amplitude of 1.2 V to 1.8 V
 /// (datasheet 8.1.5.4; the size of the step is a guess).
 pub(crate) fn corrected_code(code: u8, amplitude_v: f64) -> u8 {
     if amplitude_v > AMPLITUDE_HIGH_V {
@@ -55,18 +55,18 @@ pub(crate) fn corrected_code(code: u8, amplitude_v: f64) -> u8 {
     }
 }
 
-/// An oscillation that is building up since its activation.
+/// Build-up of a sensor's oscillation since its activation.
 ///
 /// The envelope of a parallel resonator driven at its resonance approaches its final value with the
 /// time constant Q/(π f).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BuildUp {
-    /// Amplitude that the drive current of the conversion sustains, V.
+    /// Final amplitude with the drive current of conversions, V.
     pub(crate) settled_v: f64,
-    /// Final amplitude with the drive current of the activation, V: the largest current in
+    /// Final amplitude with the drive current during activation, V: the largest current in
     /// full-current mode, `settled_v` in low-power mode (datasheet 8.1.4.2).
     pub(crate) driven_v: f64,
-    /// Time constant, s.
+    /// Time constant of the envelope, s.
     pub(crate) time_constant_s: f64,
 }
 
@@ -75,8 +75,8 @@ impl BuildUp {
         quality_factor / (PI * frequency_hz)
     }
 
-    /// Amplitude after an activation of `settle_s` and `later_s` of the conversions that follow it,
-    /// V. During activation the chip limits it to the settled amplitude.
+    /// Amplitude after an activation of `settle_s`, followed by `later_s` of conversions, V. During
+    /// activation the chip limits the amplitude to the settled one.
     pub(crate) fn amplitude_v(&self, settle_s: f64, later_s: f64) -> f64 {
         let risen_v = self.driven_v * (1.0 - self.left_after(settle_s));
         let missing_v = (self.settled_v - risen_v).max(0.0);
@@ -85,7 +85,8 @@ impl BuildUp {
 
     fn left_after(&self, time_s: f64) -> f64 {
         let decay = time_s / self.time_constant_s;
-        // e⁻⁴⁰ is below the resolution of the amplitude; NaN (no oscillation) leaves none either
+        // e⁻⁴⁰ is below the resolution of the amplitude. A NaN time constant (no oscillation) also
+        // gives 0.
         if decay < 40.0 { libm::exp(-decay) } else { 0.0 }
     }
 }
@@ -96,9 +97,8 @@ mod tests {
 
     #[test]
     fn the_table_of_currents_agrees_with_the_table_of_resistances() {
-        // For each current, table 42 gives the RP for 1.2 V and for 1.8 V; equation 12 must relate
-        // them. Spot checks at both ends and in the middle, to the table's own rounding of the
-        // current.
+        // For each current, table 42 lists the RP for 1.2 V and for 1.8 V; equation 12 must relate
+        // them. Checked at both ends and in the middle, within the table's rounding of the current.
         for (code, least_kohm, largest_kohm) in [
             (0, 60.0, 90.0),
             (9, 16.1, 23.6),
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn the_datasheet_settling_rule_leaves_four_percent() {
-        // Equation 10 requires Q/f, which is π time constants: 1 - e^-π = 0.957.
+        // Equation 10 requires a settling of Q/f, which is π time constants: 1 - e^-π = 0.957.
         let time_constant_s = BuildUp::time_constant_s(25.0, 3e6);
         let rise = BuildUp {
             settled_v: 1.5,

@@ -5,8 +5,8 @@ use core::ops::{BitOr, BitOrAssign};
 
 /// A set of conversion errors.
 ///
-/// The bits are those of the "2INT" half of ERROR_CONFIG (datasheet table 26); shifts give the
-/// other two layouts.
+/// The bits are those of the "2INT" half of ERROR_CONFIG (datasheet table 26); the other two
+/// layouts are shifts of these bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Errors(u8);
 
@@ -38,12 +38,13 @@ impl Errors {
         self.0 == 0
     }
 
-    /// Errors that ERROR_CONFIG reports on INTB.
+    /// The errors of this set that ERROR_CONFIG reports on INTB.
     pub(crate) const fn to_interrupt(self, error_config: u16) -> Self {
         Self(self.0 & error_config as u8)
     }
 
-    /// Errors that ERROR_CONFIG reports in DATAx_MSB, as bits 15:12 of the register.
+    /// The errors of this set that ERROR_CONFIG reports in DATAx_MSB, as bits 15:12 of the
+    /// register.
     pub(crate) const fn to_data(self, error_config: u16) -> u16 {
         let shown = self.0 & (error_config >> 8) as u8 & 0xF8;
         let amplitude = Self::AMPLITUDE_HIGH.0 | Self::AMPLITUDE_LOW.0;
@@ -52,7 +53,7 @@ impl Errors {
         (upper << 8) | either
     }
 
-    /// Bits 13:8 of STATUS.
+    /// The errors of this set as bits 13:8 of STATUS.
     pub(crate) const fn to_status(self) -> u16 {
         (self.0 as u16) << 6
     }

@@ -1,25 +1,24 @@
-//! Faults of the chip, its wires and its supply, triggered by a time or a transaction that the test
-//! selects.
+//! Faults of the chip, its wires and its supply. Each starts at a time or a transaction that the
+//! test selects.
 
 use crate::random::Random;
 use crate::time::Time;
 
-/// How many faults can be scheduled or remembered at once.
+/// Largest number of faults that can be scheduled or remembered at once.
 pub const FAULT_SLOTS: usize = 16;
 
-/// Registers that a dip of the supply resets. Which ones it resets in silicon is unknown.
+/// Registers that a dip of the supply resets. It is unknown which ones it resets in silicon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Lost {
     /// All registers, as in a power-on reset: conversions stop and the bus is silent for the
     /// wake-up time.
     Everything,
-    /// The registers whose bit, numbered by address from 0x00 to 0x21, is set; nothing else
-    /// changes.
+    /// Only these registers: each bit selects one register by its address, 0x00 to 0x21.
     Registers(u64),
 }
 
-/// Direction and kind of the bytes that a bit flip affects.
+/// Kind of bytes that a bit flip affects, by direction and meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Path {
@@ -31,13 +30,13 @@ pub enum Path {
     Pointer,
 }
 
-/// Selects the affected byte on a [`Path`].
+/// Which bytes of a [`Path`] a bit flip affects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Strike {
-    /// The byte with this number on that path in each transaction, from 0.
+    /// In each transaction the byte with this number on the path, counted from 0.
     Byte(u32),
-    /// Every byte, with this probability, 0 to 1.
+    /// Every byte on the path, with this probability, 0 to 1.
     Probability(f64),
 }
 
@@ -45,35 +44,35 @@ pub enum Strike {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ChipFault {
-    /// The chip acknowledges no byte after this many bytes of a transaction, including addresses
-    /// and the bytes that the chip sent; 0 refuses the address.
+    /// The chip acknowledges no byte after the first `after_bytes` bytes of a transaction.
+    /// Addresses and bytes that the chip sent count too; 0 refuses the address.
     Nack {
-        /// Bytes before the first refused one.
+        /// Number of bytes before the first refused one.
         after_bytes: u32,
     },
     /// The chip does not answer to its address at all.
     Absent,
     /// SDA is held low. With `clocks`, that many SCL pulses end the fault, as after a transfer that
-    /// was cut short within a byte; otherwise only its span ends it.
+    /// was cut short within a byte; without, the fault ends with its span.
     SdaStuck {
-        /// SCL pulses that free the line.
+        /// Number of SCL pulses that free the line.
         clocks: Option<u8>,
     },
     /// SCL is held low.
     SclStuck,
-    /// A dip of the supply. Takes effect at once; the span is not used.
+    /// A dip of the supply. It takes effect at once; the span of the event is ignored.
     BrownOut(Lost),
     /// One random bit of a byte on the bus is inverted.
     BitFlip {
-        /// Affected bytes.
+        /// Kind of the affected bytes.
         path: Path,
-        /// Selection among them.
+        /// Which bytes of that kind are affected.
         strike: Strike,
     },
-    /// Bits of a stored register are inverted (a single-event upset). Takes effect at once; the
-    /// span is not used.
+    /// Bits of a stored register are inverted (a single-event upset). It takes effect at once; the
+    /// span of the event is ignored.
     RegisterUpset {
-        /// The register, 0x08 to 0x21.
+        /// Address of the register, 0x08 to 0x21.
         address: u8,
         /// The bits to invert.
         bits: u16,
@@ -87,15 +86,15 @@ pub enum ChipFault {
     },
     /// The chip sees a STOP that the master did not send, after this many bytes of a transaction.
     EarlyStop {
-        /// Bytes before the STOP, addresses included.
+        /// Number of bytes before the STOP, addresses included.
         after_bytes: u32,
     },
     /// The INTB line is stuck.
     IntbStuck {
-        /// Whether it is stuck low.
+        /// Whether the line is stuck low; otherwise it is stuck high.
         low: bool,
     },
-    /// No clock at CLKIN.
+    /// The clock at CLKIN stops.
     ClockLoss,
 }
 
@@ -106,18 +105,18 @@ impl ChipFault {
     }
 }
 
-/// Start of a fault.
+/// When a fault starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Trigger {
-    /// At this time; a time in the past means now.
+    /// At this time; at once if it has passed.
     At(Time),
     /// At the START of the transaction with this number, counted from 0 since the chip was created
     /// (see [`crate::Traffic::transactions`]).
     Transaction(u64),
 }
 
-/// Duration of a fault.
+/// How long a fault lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Span {
@@ -242,7 +241,7 @@ impl Slot {
         matches!(self.state, FaultState::Over { .. })
     }
 
-    /// Time at which the fault starts or ends by time alone.
+    /// Time at which the fault starts or ends, unless that depends on transactions.
     fn due(&self) -> Option<Time> {
         match (self.state, self.event.trigger, self.event.span) {
             (FaultState::Waiting, Trigger::At(time), _) => Some(time),
@@ -252,18 +251,19 @@ impl Slot {
     }
 }
 
-/// Effect on the chip of a fault that starts or ends.
+/// A fault that has just started or ended, for its effect on the chip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FaultChange {
     pub(crate) fault: ChipFault,
     pub(crate) begins: bool,
 }
 
-/// Slots for faults. Every byte on the bus checks them, so slots that were never used are left out.
+/// Slots for faults. Every byte on the bus is checked against them, so never used slots are
+/// skipped.
 #[derive(Clone, Debug)]
 struct Slots {
     all: [Option<Slot>; FAULT_SLOTS],
-    /// Slots from this index on were never used.
+    /// Index of the first slot that was never used; all later ones are unused, too.
     taken: usize,
 }
 
@@ -289,7 +289,7 @@ impl Slots {
 pub(crate) struct Schedule {
     slots: Slots,
     next_id: u64,
-    /// The earliest [`Slot::due`], cached because every conversion reads it.
+    /// The earliest of all [`Slot::due`], cached because it is needed for every conversion.
     due: Option<Time>,
     random: Random,
     pub(crate) log: Disturbances,
@@ -369,7 +369,7 @@ impl Schedule {
         self.due = self.slots.iter().filter_map(Slot::due).min();
     }
 
-    /// Starts or ends one fault that is due, and returns it.
+    /// Starts or ends one fault whose time has come, and returns it.
     pub(crate) fn advance(&mut self, now: Time) -> Option<FaultChange> {
         let slot = self
             .slots
@@ -402,8 +402,9 @@ impl Schedule {
         })
     }
 
-    /// Counts a finished transaction and ends one fault whose duration is over; returns it. Call
-    /// again with `counted` false until it returns `None`.
+    /// Handles the end of a transaction: ends one fault whose last transaction this was, and
+    /// returns it. Call it again with `counted` false, so that the transaction is not counted
+    /// twice, until it returns `None`.
     pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<FaultChange> {
         let spans =
             |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
@@ -423,7 +424,7 @@ impl Schedule {
         })
     }
 
-    /// Ends the faults that SCL pulses end.
+    /// Counts SCL pulses for the faults that they end.
     pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
         for slot in self.slots.iter_mut().filter(|slot| slot.is_active()) {
             if let ChipFault::SdaStuck {
@@ -451,8 +452,8 @@ impl Schedule {
             .map(|slot| &slot.event.fault)
     }
 
-    /// End time of an active fault for which `is_meant` is true; [`Time::MAX`] if only the test can
-    /// end it.
+    /// Latest end of the active faults for which `is_meant` is true; [`Time::MAX`] if one of them
+    /// lasts until the test ends it. `None` if there is none.
     pub(crate) fn lasts_until(&self, is_meant: impl Fn(&ChipFault) -> bool) -> Option<Time> {
         self.slots
             .iter()
@@ -461,8 +462,8 @@ impl Schedule {
             .max()
     }
 
-    /// Returns the byte with the bits inverted that a fault flips. `index` is the byte's number on
-    /// its path in this transaction.
+    /// Returns the byte after the active bit flips. `index` is the byte's number on its path in
+    /// this transaction.
     pub(crate) fn distort(&mut self, on: Path, index: u32, byte: u8) -> u8 {
         let mut distorted = byte;
         for slot in self.slots.iter().filter(|slot| slot.is_active()) {

@@ -10,9 +10,9 @@ use crate::time::Time;
 /// The acknowledge bit after a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// Pulled low: byte accepted, or more bytes follow.
+    /// The receiver pulls the line low: it accepts the byte, or the master reads more bytes.
     Ack,
-    /// Left high: byte refused, or last byte.
+    /// The line stays high: the receiver refuses the byte, or the master reads no more bytes.
     Nack,
 }
 
@@ -25,12 +25,12 @@ impl Ack {
 }
 
 impl<S: Sensors> Chip<S> {
-    /// Handles a START or repeated START with its address byte: seven bits of address, and 1 to
-    /// read.
+    /// Handles a START or repeated START with its address byte: seven bits of address, then 1 for a
+    /// read or 0 for a write.
     ///
-    /// `time` is that of the ninth clock, the acknowledge bit. This method, `write`, `read` and
-    /// `stop` are the chip's side of the wires, for a bus or an emulated microcontroller that keeps
-    /// its own time; [`crate::Bus`] uses them.
+    /// `time` is that of the ninth clock, the acknowledge bit. Together with `write`, `read` and
+    /// `stop`, this method is the chip's side of the wires, for a bus or an emulated
+    /// microcontroller that keeps its own time; [`crate::Bus`] uses them.
     pub fn start(&mut self, time: Time, address_byte: u8) -> Ack {
         self.advance_to(time);
         self.break_off(true);
@@ -50,8 +50,8 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// Receives a byte from the master; `time` is that of its ninth clock. The second byte of a
-    /// register changes the register.
+    /// Receives a byte from the master; `time` is that of its ninth clock. The register changes
+    /// with the second data byte.
     pub fn write(&mut self, time: Time, byte: u8) -> Ack {
         self.advance_to(time);
         self.traffic.bytes += 1;
@@ -69,9 +69,9 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// Sends a byte to the master, which answers with `ack`; `time` is that of its first clock, by
-    /// which the chip must know the byte. The effects of a register read occur with the first byte
-    /// of the register.
+    /// Sends a byte to the master, which answers with `ack`; `time` is that of the byte's first
+    /// clock, at which the chip must know the byte. The effects of a register read occur with the
+    /// first byte of the register.
     pub fn read(&mut self, time: Time, ack: Ack) -> u8 {
         self.advance_to(time);
         self.traffic.bytes += 1;
@@ -114,8 +114,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Time until which the chip, or a stuck line, holds SDA low outside of a transfer;
-    /// [`Time::MAX`] if without end, `None` if the line is free.
+    /// Time until which the chip or a stuck line holds SDA low outside of a transfer; [`Time::MAX`]
+    /// if it is never released, `None` if it is not held.
     pub fn sda_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         let is_stuck = |fault: &ChipFault| matches!(fault, ChipFault::SdaStuck { .. });
@@ -127,15 +127,15 @@ impl<S: Sensors> Chip<S> {
         self.sda_held_until(time).is_some()
     }
 
-    /// Time until which SCL is held low, with the same special values as [`Chip::sda_held_until`].
-    /// The chip itself never stretches the clock (datasheet 7.5.1).
+    /// Time until which SCL is held low; [`Time::MAX`] if it is never released, `None` if it is not
+    /// held. The chip itself never stretches the clock (datasheet 7.5.1).
     pub fn scl_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         self.faults
             .lasts_until(|fault| matches!(fault, ChipFault::SclStuck))
     }
 
-    /// Receives SCL pulses outside of a transaction, as a master sends them to free SDA.
+    /// Receives SCL pulses outside of a transaction, which a master sends to free SDA.
     pub fn clock_pulses(&mut self, time: Time, pulses: u32) {
         self.advance_to(time);
         self.faults.clock_pulses(pulses, self.now);
@@ -201,7 +201,7 @@ impl<S: Sensors> Chip<S> {
                 self.write_register(self.link.pointer, u16::from_be_bytes([high, low]));
                 Expecting::NoByte
             }
-            // only reached with auto-increment
+            // Reached only if burst accesses increment the address.
             Expecting::NoByte => {
                 self.link.pointer = self.link.pointer.wrapping_add(1);
                 Expecting::LowByte(self.distort_written(byte))
@@ -240,7 +240,7 @@ impl<S: Sensors> Chip<S> {
         (high, Expecting::SendLow(low))
     }
 
-    /// Counts a byte; a forged STOP may follow it.
+    /// Counts a byte; a fault may insert a STOP after it.
     fn count_byte(&mut self) {
         self.link.bytes = self.link.bytes.saturating_add(1);
         let bytes = self.link.bytes;
@@ -253,7 +253,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Ends the current access. Between the two bytes of a register this is an early termination.
+    /// Ends the current access. If only one of a register's two bytes was transferred, that is an
+    /// early termination.
     fn break_off(&mut self, by_master: bool) {
         let is_early = matches!(
             self.link.expecting,
@@ -268,7 +269,8 @@ impl<S: Sensors> Chip<S> {
         self.link.expecting = Expecting::Start;
     }
 
-    /// Applies the effects of a broken-off access: a half-written register and a slipped bit.
+    /// Applies the effects of an early termination: a half-written register, and a shift of the
+    /// following bytes by one bit.
     fn garble(&mut self) {
         self.link.slips_next = true;
         if let Expecting::LowByte(high) = self.link.expecting {

@@ -1,19 +1,19 @@
 //! The model's own random number generator.
 //!
-//! SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators",
-//! OOPSLA 2014) instead of a crate: a recorded run must give the same bytes in ten years, and
-//! random number crates do not guarantee that across versions. Its period, 2⁶⁴, and its statistics
-//! suffice here.
+//! SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA
+//! 2014) instead of a crate: a recorded run must give the same bytes in ten years, and random
+//! number crates do not guarantee that across versions. The generator's period, 2⁶⁴, and its
+//! statistics suffice here.
 
 const INCREMENT: u64 = 0x9E37_79B9_7F4A_7C15;
 
-/// One stream of random numbers.
+/// State of one stream of random numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// Creates a separate stream for each `stream`, so that faults do not draw numbers from the
-    /// noise.
+    /// Creates one of several independent streams of a seed. Noise and faults use different ones,
+    /// so that scheduling a fault does not change the noise.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut mixed = Self(seed ^ stream.wrapping_mul(0xD1B5_4A32_D192_ED03));
         let start = mixed.next();
@@ -28,7 +28,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in [0, 1).
+    /// A random number, uniform in [0, 1).
     pub(crate) fn uniform(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -38,12 +38,12 @@ impl Random {
         self.uniform() < probability
     }
 
-    /// One of the eight bits of a byte.
+    /// A random one of the eight bits of a byte, as a mask.
     pub(crate) fn bit(&mut self) -> u8 {
         1 << (self.next() >> 61)
     }
 
-    /// Normally distributed with mean 0 and variance 1 (Box and Muller 1958).
+    /// A random number, normally distributed with mean 0 and variance 1 (Box and Muller 1958).
     pub(crate) fn normal(&mut self) -> f64 {
         let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.uniform()));
         radius * libm::cos(core::f64::consts::TAU * self.uniform())
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn the_generator_is_splitmix64() {
-        // Known answers of the published algorithm for the state 1234567.
+        // Results of the published algorithm for the state 1234567.
         let mut random = Random(1_234_567);
         assert_eq!(random.next(), 6_457_827_717_110_365_317);
         assert_eq!(random.next(), 3_203_168_211_198_807_973);

@@ -1,9 +1,9 @@
 //! The register file, transcribed from datasheet SNOSCY9A section 7.6.
 
-/// Addresses of the registers. For registers of the four channels it is the base address, to which
-/// the channel is added (twice the channel for the two halves of a result).
+/// Addresses of the registers. For a register that each of the four channels has, it is the address
+/// for channel 0; add the channel, or twice the channel for the two halves of a result.
 pub mod address {
-    /// DATA0_MSB; the halves of the four results alternate from this address to 0x07.
+    /// DATA0_MSB; the halves of the four channels' results follow in turn, up to 0x07.
     pub const DATA: u8 = 0x00;
     /// RCOUNT0.
     pub const RCOUNT: u8 = 0x08;
@@ -78,8 +78,8 @@ const fn reserving(register: Register, reserved: u16, required: u16) -> Register
     }
 }
 
-/// Bits 10:6, INIT_IDRIVEx, are read-only and must be written zero. The tables of channels 1 to 3
-/// give no access for bits 5:0, so a write does not change them there.
+/// DRIVE_CURRENTx. Bits 10:6, INIT_IDRIVEx, are read-only and must be written zero. For channels 1
+/// to 3 the datasheet's tables give no access for bits 5:0, so a write does not change them there.
 const fn drive_current(address: u8, name: &'static str, writable: u16) -> Register {
     Register {
         address,
@@ -138,8 +138,8 @@ pub fn describe(address: u8) -> Option<&'static Register> {
         .find(|register| register.address == address)
 }
 
-/// Number of stored registers, up to the last DRIVE_CURRENT; results, STATUS and identities are not
-/// stored here.
+/// Number of stored registers: addresses up to the last DRIVE_CURRENT. Results, STATUS and
+/// identities are not stored here.
 const STORED: usize = 0x22;
 
 /// The stored registers: all writable ones.
@@ -159,14 +159,14 @@ impl RegisterFile {
         self.0.get(usize::from(address)).copied().unwrap_or(0)
     }
 
-    /// Sets a register, including bits that a write does not change.
+    /// Sets a register, including bits that a write over the bus does not change.
     pub(crate) fn set(&mut self, address: u8, value: u16) {
         if let Some(word) = self.0.get_mut(usize::from(address)) {
             *word = value;
         }
     }
 
-    /// Writes a register: changes its writable bits.
+    /// Applies a write over the bus: changes the register's writable bits only.
     pub(crate) fn write(&mut self, register: &Register, value: u16) {
         let kept = self.get(register.address) & !register.writable;
         self.set(register.address, kept | (value & register.writable));
@@ -184,8 +184,8 @@ impl RegisterFile {
         self.of_channel(address::OFFSET, channel)
     }
 
-    /// Length of the sensor activation in reference clocks: 16 SETTLECOUNT, at least 32 (datasheet
-    /// table 17).
+    /// Length of the sensor activation in reference clocks: 16 SETTLECOUNT, but at least 32
+    /// (datasheet table 17).
     pub(crate) fn settle_clocks(&self, channel: u8) -> f64 {
         16.0 * f64::from(self.settle_count(channel).max(2))
     }
@@ -209,7 +209,7 @@ impl RegisterFile {
         (self.of_channel(address::DRIVE_CURRENT, channel) >> 11) as u8
     }
 
-    /// Stores the result of the amplitude calibration in INIT_IDRIVEx.
+    /// Stores the drive code that the amplitude calibration found in INIT_IDRIVEx.
     pub(crate) fn show_initial_drive(&mut self, channel: u8, code: u8) {
         let address = address::DRIVE_CURRENT.saturating_add(channel);
         let others = self.get(address) & !0x07C0;
@@ -272,7 +272,7 @@ impl Mux {
         self.0 & 0x8000 != 0
     }
 
-    /// The last channel of the sequence, which always starts at channel 0.
+    /// The last channel of the autoscan sequence, which always starts at channel 0.
     pub(crate) const fn last_channel(self) -> u8 {
         match (self.0 >> 13) & 3 {
             0b01 => 2,

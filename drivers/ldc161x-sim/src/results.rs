@@ -10,37 +10,38 @@ use crate::time::Time;
 /// Number of channels of an LDC1614.
 pub const CHANNELS: usize = 4;
 
-/// DRDY_2INT in ERROR_CONFIG.
+/// Bit DRDY_2INT of ERROR_CONFIG.
 const DATA_READY_TO_INTERRUPT: u16 = 1 << 0;
-/// DRDY in STATUS.
+/// Bit DRDY of STATUS.
 const DATA_READY: u16 = 1 << 6;
-/// The error flags in DATAx_MSB.
+/// Bits of DATAx_MSB that hold the error flags.
 const FLAGS: u16 = 0xF000;
 
-/// Contribution of a conversion to DATAx.
+/// Content of DATAx for one conversion.
 #[derive(Clone, Copy, Debug)]
 struct ConversionResult {
-    /// Upper and lower half, including flags.
+    /// DATAx_MSB, including flags, and DATAx_LSB.
     halves: (u16, u16),
-    /// `None` if the conversion was aborted.
+    /// The conversion; `None` if it was aborted.
     conversion: Option<TrueConversion>,
 }
 
-/// The two registers of one channel and the shadow behind them (datasheet 7.5.3).
+/// The result registers of one channel, and the newest result behind them, the shadow (datasheet
+/// 7.5.3).
 #[derive(Clone, Copy, Debug, Default)]
 struct ChannelRegisters {
-    /// Newest result with its flags.
+    /// Newest result with its flags, as DATAx_MSB and DATAx_LSB.
     shadow: (u16, u16),
-    /// Low half, latched by the last read of the high half.
+    /// DATAx_LSB, as latched by the last read of DATAx_MSB.
     latched_lsb: u16,
-    /// UNREADCONVx.
+    /// Bit UNREADCONVx of STATUS.
     unread: bool,
-    /// Whether the result in the shadow has not been read, whatever UNREADCONVx says.
+    /// Whether the result in the shadow has not been read yet, independent of UNREADCONVx.
     waiting: bool,
     finished: u64,
     overwritten: u64,
     newest: Option<TrueConversion>,
-    /// The conversion in the shadow.
+    /// The conversion whose result is in the shadow.
     shown: Option<TrueConversion>,
     last_read: Option<TrueConversion>,
     /// A result that waits for the end of the autoscan cycle.
@@ -73,13 +74,13 @@ pub(crate) struct Results {
     errors: Errors,
     error_channel: u8,
     data_ready: bool,
-    /// Whether INTB is asserted, unless CONFIG.INTB_DIS keeps the pin high.
+    /// Whether INTB is asserted. With CONFIG.INTB_DIS set, the pin stays high nevertheless.
     interrupt: bool,
     falling_edges: u64,
     last_fall: Option<Time>,
 }
 
-/// Settings for the reporting of events.
+/// Settings that determine which events are reported.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reporting {
     pub(crate) error_config: u16,
@@ -90,8 +91,8 @@ pub(crate) struct Reporting {
 }
 
 impl Results {
-    /// Clears results, errors and INTB, as sleep, shutdown and reset do (7.4.2, 8.1.9); the ground
-    /// truth and its counters stay.
+    /// Clears results, errors and INTB, as sleep, shutdown and reset do (7.4.2, 8.1.9). The ground
+    /// truth and its counters are kept.
     pub(crate) fn clear(&mut self) {
         for channel in &mut self.channels {
             channel.shadow = (0, 0);
@@ -123,7 +124,7 @@ impl Results {
         self.report(conversion.channel, errors, reporting);
     }
 
-    /// Reports a conversion without a result: its data are invalid and there is nothing to read
+    /// Reports a conversion that was aborted: it has no valid result, so there is nothing to read
     /// (SNOA959 3.3 and its table 2: the word is zero).
     pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
@@ -150,8 +151,8 @@ impl Results {
         }
     }
 
-    /// Reports errors in STATUS. It keeps the first channel with an error; errors of other channels
-    /// are lost until it is read (SNOA959 1.2).
+    /// Reports errors in STATUS. STATUS keeps the first channel with an error; errors of other
+    /// channels are lost until STATUS is read (SNOA959 1.2).
     fn report(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         let enabled = errors.to_interrupt(reporting.error_config);
         let shown = match reporting.status {
@@ -189,7 +190,7 @@ impl Results {
             | unread
     }
 
-    /// Applies the clearing effects of a read of STATUS.
+    /// Clears what a read of STATUS clears.
     pub(crate) fn status_was_read(&mut self, switches: &Switches) {
         self.forget_errors();
         self.data_ready = false;
@@ -219,7 +220,7 @@ impl Results {
         })
     }
 
-    /// Applies the latching and clearing effects of a read of DATAx_MSB.
+    /// Latches and clears what a read of DATAx_MSB latches and clears.
     pub(crate) fn msb_was_read(&mut self, channel: u8, switches: &Switches) {
         let index = channel;
         let Some(channel) = self.channels.get_mut(usize::from(index)) else {

@@ -4,15 +4,15 @@ use core::f64::consts::PI;
 
 /// The resonators on channels 0 to 3, as functions of time.
 ///
-/// The model only queries times within the conversion that has just ended, so at most one
-/// conversion (and its settling) before the present, and never in the future. It may query the same
-/// time more than once and in any order within a conversion.
+/// The model only queries times within the conversion that has just ended, including its settling,
+/// and never the future. Within a conversion it may query the same time more than once, and times
+/// in any order.
 ///
 /// Implemented for closures `Fn(channel, time_s) -> frequency_hz`, for arrays of fixed frequencies
 /// and for arrays of [`Tank`]s; a channel beyond the end of an array does not oscillate.
 pub trait Sensors {
-    /// Free-running frequency of the resonator, Hz, 1 kHz to 10 MHz in use. Zero, negative or NaN
-    /// means that it does not oscillate.
+    /// Resonance frequency without the chip's influence, Hz, 1 kHz to 10 MHz in use. Zero, negative
+    /// or NaN means that the sensor does not oscillate.
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64;
 
     /// Parallel loss resistance RP at the resonance, ohm, 1 kΩ to 90 kΩ in use (datasheet 8.1.2).
@@ -28,10 +28,11 @@ pub trait Sensors {
         25.0
     }
 
-    /// Cycles by which an external disturbance pulls the oscillation forwards (or backwards) during
-    /// a conversion, beyond the cycles of its own mean frequency: an interferer near the resonance,
-    /// whose beat is too fast for the few times at which [`frequency_hz`](Self::frequency_hz) is
-    /// queried. Called once for each conversion, in order of time.
+    /// Number of cycles by which an external disturbance advances (or delays) the oscillation
+    /// during a conversion, compared with its mean frequency. It models an interferer near the
+    /// resonance, whose beat is too fast for the few times at which
+    /// [`frequency_hz`](Self::frequency_hz) is queried. Called once for each conversion, in order
+    /// of time.
     fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
         let _ = (channel, window);
         0.0
@@ -41,11 +42,11 @@ pub trait Sensors {
 /// The time window of a conversion, as given to [`Sensors::pulled_cycles`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Start, s.
+    /// Start of the window, s.
     pub start_s: f64,
-    /// Length, s.
+    /// Length of the window, s.
     pub length_s: f64,
-    /// Mean frequency of the oscillation without pulling, Hz.
+    /// Mean frequency of the oscillation in the window without pulling, Hz.
     pub free_hz: f64,
 }
 
@@ -61,7 +62,7 @@ impl<const N: usize> Sensors for [f64; N] {
     }
 }
 
-/// A coil, its capacitor and its losses, all constant.
+/// An LC resonator: a coil, its capacitor and its losses, all constant.
 ///
 /// ```
 /// use ldc161x_sim::{Sensors, Tank};
@@ -76,15 +77,15 @@ impl<const N: usize> Sensors for [f64; N] {
 pub struct Tank {
     /// Inductance L, henry.
     pub inductance_h: f64,
-    /// Capacitance C, including that of board and pin, farad.
+    /// Capacitance C, including that of the board and of the chip's pins, farad.
     pub capacitance_f: f64,
     /// Parallel loss resistance RP at the resonance, ohm.
     pub parallel_resistance_ohm: f64,
 }
 
 impl Tank {
-    /// Resonance frequency 1 / (2π √(LC)), Hz (datasheet equation 1 without its terms in 1/Q² and
-    /// in the comparator's delay, both below 2·10⁻³ at Q > 25 and constant).
+    /// Resonance frequency 1 / (2π √(LC)), Hz: datasheet equation 1 without its terms for 1/Q² and
+    /// for the comparator's delay, which are constant and below 2·10⁻³ at Q > 25.
     #[must_use]
     pub fn frequency_hz(&self) -> f64 {
         1.0 / (2.0 * PI * libm::sqrt(self.inductance_h * self.capacitance_f))

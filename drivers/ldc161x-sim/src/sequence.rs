@@ -13,19 +13,20 @@ use crate::settings::PartNumber;
 use crate::switches::SleepExit;
 use crate::time::Moment;
 
-/// Frequency below which the watchdog sees no oscillation, Hz (SNOA959 3.3).
+/// The watchdog regards a sensor below this frequency as silent, Hz (SNOA959 3.3).
 const SLOWEST_SENSOR_HZ: f64 = 250.0;
-/// Code of the largest current, used by full-current activation (datasheet 8.1.4.2).
+/// Drive code of the largest current, which full-current activation uses (datasheet 8.1.4.2).
 const FULL_CURRENT_CODE: u8 = 31;
 
 impl<S: Sensors> Chip<S> {
-    /// Time at which the schedule next needs attention.
+    /// Time of the next step of the schedule or of the watchdog's timeout, whichever is earlier.
     pub(crate) fn sequence_due(&self) -> Moment {
         self.sequence.ends.earlier_of(self.watchdog_due())
     }
 
-    /// Time at which the watchdog acts. It monitors the sensor in single-channel mode (SNOA959
-    /// 3.3). In autoscan the same timer only frees the sequence from a stopped reference (guess).
+    /// Time at which the watchdog times out. In single-channel mode it monitors the sensor (SNOA959
+    /// 3.3). In autoscan the same timer only lets the sequence continue when the reference has
+    /// stopped (guess).
     fn watchdog_due(&self) -> Moment {
         let watched = !self.registers.mux().autoscan() || self.sequence.ends.is_never();
         if self.sequence.measures() && watched {
@@ -40,7 +41,7 @@ impl<S: Sensors> Chip<S> {
         self.sequence.watchdog = at.after(self.settings.watchdog());
     }
 
-    /// Executes the step that is due.
+    /// Executes the step whose time has come.
     pub(crate) fn advance_sequence(&mut self) {
         let ends = self.sequence.ends;
         let watchdog = self.watchdog_due();
@@ -57,7 +58,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Leaves sleep.
+    /// Starts up after the chip has left sleep.
     pub(crate) fn wake(&mut self) {
         if self.settings.switches.sleep_exit == SleepExit::LosesOnce && !self.has_lost_registers {
             self.has_lost_registers = true;
@@ -70,15 +71,15 @@ impl<S: Sensors> Chip<S> {
         self.sequence.enter(SequenceStep::StartUp, ends);
     }
 
-    /// Restarts the current channel: its reference has started or stopped, or time has been
-    /// skipped.
+    /// Restarts the current channel, because its reference has started or stopped, or because time
+    /// has been skipped.
     pub(crate) fn restart_channel(&mut self) {
         if self.sequence.measures() {
             self.activate(self.sequence.channel, Moment::at(self.now));
         }
     }
 
-    /// The channel that single-channel mode converts.
+    /// The channel that is converted in single-channel mode.
     fn active_channel(&self) -> u8 {
         let channel = self.registers.config().active_channel();
         match self.settings.part {
@@ -87,7 +88,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// The last channel of the sequence, or the single channel.
+    /// The last channel of the autoscan sequence, or the only channel in single-channel mode.
     fn last_channel(&self) -> u8 {
         let mux = self.registers.mux();
         match (mux.autoscan(), self.settings.part) {
@@ -124,8 +125,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Activates a channel, so that its oscillation builds up. Its phase against the reference is
-    /// random, since the two clocks are independent.
+    /// Activates a channel, so that its oscillation builds up. The phase of the oscillation
+    /// relative to the reference is random, since the two clocks are independent.
     fn activate(&mut self, channel: u8, at: Moment) {
         self.calibrate(channel, at);
         let reference_hz = self.reference_hz(channel, at);
@@ -144,7 +145,7 @@ impl<S: Sensors> Chip<S> {
         self.convert(at);
     }
 
-    /// Opens the gate.
+    /// Starts a conversion: the counter's gate opens.
     fn convert(&mut self, at: Moment) {
         let channel = self.sequence.channel;
         let (amplitude_v, settled_v) = self.amplitude(channel, at);
@@ -167,7 +168,7 @@ impl<S: Sensors> Chip<S> {
             .enter(SequenceStep::Conversion(gate), gate.end);
     }
 
-    /// Closes the gate and reports.
+    /// Ends a conversion: the counter's gate closes, and the result is reported.
     fn complete(&mut self, gate: &Gate, at: Moment) {
         let phase = &mut self.sequence.phase;
         let mut conversion = gate.measure(&self.settings, &self.sensors, phase, &mut self.random);
@@ -184,8 +185,8 @@ impl<S: Sensors> Chip<S> {
         self.pause(at, gate, conversion.oscillation_hz);
     }
 
-    /// Starts the pause. In single-channel mode the sensor keeps oscillating during it, so its
-    /// phase advances.
+    /// Starts the pause after a conversion. In single-channel mode the sensor keeps oscillating
+    /// during the pause, so its phase advances.
     fn pause(&mut self, at: Moment, gate: &Gate, oscillation_hz: f64) {
         let length = if self.registers.mux().autoscan() {
             self.settings.conversions.switch_delay
@@ -202,7 +203,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Handles the watchdog's timeout: checks whether the sensor has been silent.
+    /// Handles the watchdog's timeout: checks whether the sensor oscillates and the reference runs.
     fn watch(&mut self, at: Moment) {
         let channel = self.sequence.channel;
         if self.reference_hz(channel, at) > 0.0 && self.oscillates(channel, at) {
@@ -227,8 +228,8 @@ impl<S: Sensors> Chip<S> {
             && settled_v >= self.settings.drive.least_amplitude_v
     }
 
-    /// True reference frequency of a channel, Hz; zero if it stands still because its source is
-    /// missing or its divider is the reserved zero.
+    /// True reference frequency of a channel, Hz; zero if its clock is missing, or if its divider
+    /// is zero, which is a reserved value.
     pub(crate) fn reference_hz(&self, channel: u8, at: Moment) -> f64 {
         let source_hz = if self.registers.config().external_clock() {
             let lost = self.clkin_is_lost();
@@ -245,7 +246,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Amplitude of a channel's oscillation at `at` and after settling, V.
+    /// Amplitude of a channel's oscillation at the time `at`, and after settling, V.
     fn amplitude(&self, channel: u8, at: Moment) -> (f64, f64) {
         let index = usize::from(channel);
         let seconds = at.seconds();
@@ -305,8 +306,8 @@ impl<S: Sensors> Chip<S> {
         self.registers.show_initial_drive(channel, code);
     }
 
-    /// Calibrates the amplitude at the first activation after sleep (datasheet 8.1.5.2). That it
-    /// takes no time of its own is a guess.
+    /// Calibrates the drive code at a channel's first activation after sleep (datasheet 8.1.5.2).
+    /// That this takes no additional time is a guess.
     fn calibrate(&mut self, channel: u8, at: Moment) {
         let config = self.registers.config();
         let is_enabled = !config.overrides_rp() || config.amplitude_correction();
@@ -318,8 +319,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Corrects the amplitude after a conversion (datasheet 8.1.5.4). With RP_OVERRIDE_EN the
-    /// current stays as programmed, and so does INIT_IDRIVEx.
+    /// Corrects the drive code after a conversion (datasheet 8.1.5.4). With RP_OVERRIDE_EN the
+    /// drive current stays as programmed, and INIT_IDRIVEx stays as it is.
     fn correct_amplitude(&mut self, channel: u8, amplitude_v: f64) {
         let config = self.registers.config();
         if config.overrides_rp() || !config.amplitude_correction() {
@@ -332,7 +333,8 @@ impl<S: Sensors> Chip<S> {
 
     /// Counts violations of the datasheet (sections 8.1.5.5 and 8.1.6, table 43).
     fn judge(&mut self, gate: &Gate, conversion: &TrueConversion) {
-        // a clock may be off by its tolerance without violating a rule
+        // Limits are checked with this tolerance: a real clock may be off by as much without
+        // breaking a rule.
         const TOLERANCE: f64 = 1.001;
         let config = self.registers.config();
         let autoscan = self.registers.mux().autoscan();

@@ -9,13 +9,13 @@ use crate::time::{Moment, Time};
 pub(crate) enum SequenceStep {
     /// Asleep, shut down or without supply.
     Idle,
-    /// The 16 384 periods of the internal oscillator after sleep.
+    /// Start-up of 16 384 periods of the internal oscillator after sleep.
     StartUp,
-    /// The oscillation of a channel builds up.
+    /// The oscillation of the current channel builds up.
     Activation,
-    /// A channel is counted.
+    /// The current channel is counted.
     Conversion(Gate),
-    /// Pause between a conversion and the next step.
+    /// Pause after a conversion.
     Pause,
 }
 
@@ -25,14 +25,15 @@ pub(crate) struct Sequence {
     pub(crate) step: SequenceStep,
     pub(crate) channel: u8,
     pub(crate) ends: Moment,
-    /// Length and end of the last activation.
+    /// Length of the last activation, and the time at which it ended.
     pub(crate) settle_s: f64,
     pub(crate) settled: Moment,
     /// Phase of the divided sensor signal, cycles.
     pub(crate) phase: f64,
-    /// Time at which the watchdog acts, unless it sees an oscillation and a reference before.
+    /// Time at which the watchdog times out, unless an oscillating sensor and a running reference
+    /// restart it before.
     pub(crate) watchdog: Moment,
-    /// Codes that the amplitude calibration has found since the chip left sleep.
+    /// Drive codes that the amplitude calibration has found since the chip left sleep.
     pub(crate) calibrated: [Option<u8>; CHANNELS],
 }
 
@@ -51,14 +52,14 @@ impl Sequence {
         }
     }
 
-    /// Stops; the next start calibrates again.
+    /// Stops the schedule; the next start calibrates again.
     pub(crate) fn halt(&mut self) {
         self.step = SequenceStep::Idle;
         self.ends = Moment::NEVER;
         self.calibrated = [None; CHANNELS];
     }
 
-    /// Records a register write during a conversion.
+    /// Notes that a register was written during the current conversion.
     pub(crate) fn disturb(&mut self) {
         if let SequenceStep::Conversion(gate) = &mut self.step {
             gate.disturbed = true;

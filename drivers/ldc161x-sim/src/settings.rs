@@ -4,12 +4,12 @@ use crate::counter::{Core, StartUp};
 use crate::switches::{Overhead, Switches};
 use crate::time::Time;
 
-/// Chip type. Both answer with the same identity.
+/// Chip type. The identity registers of both types are the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PartNumber {
-    /// Two channels. The register file is that of the LDC1614; sequences stop at channel 1, and
-    /// only the low bit of ACTIVE_CHAN counts (guess: the same die with two channels bonded).
+    /// Two channels. Its registers are those of the LDC1614; sequences stop at channel 1, and only
+    /// the low bit of ACTIVE_CHAN counts (guess: the same die with two channels bonded).
     Ldc1612,
     /// Four channels.
     #[default]
@@ -51,7 +51,8 @@ impl ExternalClock {
 pub struct InternalClock {
     /// True frequency at 25 °C, Hz: 35 MHz to 55 MHz, typically 43.4 MHz (datasheet 6.5).
     pub frequency_hz: f64,
-    /// Temperature coefficient, relative per kelvin: −13·10⁻⁶ in the mean (datasheet 6.5).
+    /// Temperature coefficient of the frequency, relative per kelvin: −13·10⁻⁶ in the mean
+    /// (datasheet 6.5).
     pub relative_per_kelvin: f64,
 }
 
@@ -75,24 +76,26 @@ impl Default for InternalClock {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct Conversions {
-    /// Whether words are quotients of whole counts M/N, as in silicon, or the exact ratio.
+    /// Whether words are computed from whole counts M/N, as in silicon, or from the exact ratio.
     pub quantised: bool,
-    /// The first part of a gate, in which no edge is counted. `None` selects the start-up that fits
-    /// the counter of [`Switches::counter`] to recorded words.
+    /// Time at the start of a gate during which no edge is counted. `None` selects the start-up
+    /// that was fitted to recorded words for the method in [`Switches::counter`].
     pub start_up: Option<StartUp>,
-    /// Delay of the falling edge after the rising one, as a share of the sensor's period between 0
-    /// and 1, for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 equally well and an
-    /// even duty, 0.5, less well; the default is 0.2.
+    /// Delay of the falling edge after the rising one, as a fraction of the sensor's period between
+    /// 0 and 1, for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 equally well and
+    /// an even duty, 0.5, less well; the default is 0.2.
     pub falling_edge: f64,
     /// White noise of the sensor's frequency: relative standard deviation in a conversion of 1 ms
-    /// at an amplitude of 1.2 V or more. It scales with 1/√tC, and below 1.2 V with 1.2 V over the
-    /// amplitude. Default 10⁻⁶ (guess; quantisation at 40 MHz and 1 ms is 7·10⁻⁶).
+    /// at an amplitude of 1.2 V or more. It is proportional to 1/√tC for a conversion time tC, and
+    /// below 1.2 V it is inversely proportional to the amplitude. Default 10⁻⁶ (guess; quantisation
+    /// at 40 MHz and 1 ms is 7·10⁻⁶).
     pub noise_at_1ms: f64,
-    /// Panels of five-point Gauss–Lobatto quadrature over a conversion, 1 to 255: one panel averages
-    /// a disturbance of one cycle per panel to 1.4·10⁻³ of its amplitude. Default 2.
+    /// Number of panels of five-point Gauss–Lobatto quadrature over a conversion, 1 to 255: one
+    /// panel averages a disturbance whose period is the panel's length to 1.4·10⁻³ of its
+    /// amplitude. Default 2.
     pub panels: u8,
     /// Time from the end of a conversion to the activation of the next channel in autoscan
-    /// (datasheet equation 8). Single-channel intervals are [`Switches::overhead`].
+    /// (datasheet equation 8). For a single channel see [`Switches::overhead`].
     pub switch_delay: Overhead,
 }
 
@@ -124,17 +127,17 @@ impl Conversions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct SensorDrive {
-    /// Relative shift of the frequency for each step of the drive-current code, counted from code 0
-    /// (datasheet 8.1.5: "an output code offset when the current drive is changed"; its size is a
-    /// guess, 2·10⁻⁶).
+    /// Relative shift of the frequency for each step of the drive code, counted from code 0. The
+    /// datasheet mentions "an output code offset when the current drive is changed" (8.1.5); its
+    /// size, 2·10⁻⁶, is a guess.
     pub shift_per_code: f64,
-    /// Relative shift per volt above 1.8 V, where the input clamps (datasheet 8.1.5; the size is a
-    /// guess, −10⁻³).
+    /// Relative shift of the frequency per volt of amplitude above 1.8 V, where the input clamps
+    /// (datasheet 8.1.5; the size, −10⁻³, is a guess).
     pub clamp_shift_per_volt: f64,
-    /// Relative shift at the start of the oscillation; it falls with the amplitude that is still
-    /// missing (guess, −10⁻³).
+    /// Relative shift of the frequency at zero amplitude. While the oscillation builds up, the
+    /// shift is proportional to the missing fraction of the settled amplitude (guess, −10⁻³).
     pub settling_shift: f64,
-    /// Amplitude below which the oscillation stops, volt peak: 0.6 V (datasheet 8.1.5) or 0.5 V
+    /// Peak amplitude below which the oscillation stops, V: 0.6 V (datasheet 8.1.5) or 0.5 V
     /// (SNOA950).
     pub least_amplitude_v: f64,
     /// Current of the high-current drive of channel 0, ampere: above 3.5 mA (datasheet 8.1.5.5), or
@@ -175,24 +178,24 @@ pub struct Settings {
     pub address_pin_high: bool,
     /// Seed of the random numbers: equal seeds and equal calls give equal bytes.
     pub seed: u64,
-    /// Temperature of the chip, °C; it acts on the internal oscillator.
+    /// Temperature of the chip, °C; it affects the internal oscillator.
     pub temperature_c: f64,
-    /// Internal oscillator; it always times the start-up and the watchdog.
+    /// Internal oscillator; it always is the clock of the start-up and of the watchdog.
     pub internal_clock: InternalClock,
     /// The clock at CLKIN; `None` if the pin is tied to ground.
     pub external_clock: Option<ExternalClock>,
     /// Time from SD low, or from the return of the supply, to an answer on the bus: 2 ms at most
     /// (datasheet 6.5).
     pub wake_up: Time,
-    /// Time for which the sensor, or the reference, may be silent in single-channel mode before the
-    /// watchdog acts: 5.2 ms (datasheet 6.5, SNOA959 3.3) at 43.4 MHz, scaled with the true
-    /// frequency of the internal oscillator.
+    /// Time after which the watchdog acts on a silent sensor or reference in single-channel mode:
+    /// 5.2 ms (datasheet 6.5, SNOA959 3.3) with an internal oscillator of 43.4 MHz; inversely
+    /// proportional to the oscillator's true frequency.
     pub watchdog_s: f64,
-    /// The counter and its noise.
+    /// Parameters of the counter and its noise.
     pub conversions: Conversions,
-    /// The drive and the amplitude.
+    /// Effects of drive current and amplitude.
     pub drive: SensorDrive,
-    /// Unsettled properties of the silicon.
+    /// Unsettled properties of the silicon, one position for each.
     pub switches: Switches,
 }
 
@@ -216,8 +219,9 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Settings without noise, quantisation and shift by the drive: words are the exact ratio, so
-    /// that a test can compute them by hand. All other settings have their defaults.
+    /// Settings without noise, without quantisation and without shift by the drive: words are the
+    /// exact ratio, so that a test can compute them by hand. All other settings have their
+    /// defaults.
     #[must_use]
     pub fn ideal() -> Self {
         Self {
@@ -240,7 +244,7 @@ impl Settings {
         self.internal_clock.at(self.temperature_c)
     }
 
-    /// Time of the watchdog, s.
+    /// Time after which the watchdog acts, s.
     pub(crate) fn watchdog(&self) -> f64 {
         self.watchdog_s * 43.4e6 / self.internal_hz()
     }

@@ -1,9 +1,9 @@
 //! Unsettled properties of the silicon, each as a switch.
 //!
-//! Sources contradict each other, or are silent. Every such property is an enum in this module,
-//! with all positions in its `VARIANTS`; a correct driver works in all of them.
-//! [`Switches::default`] selects the position that is hardest for the driver, except where the
-//! evidence against it is strong; those exceptions say so.
+//! For each of these properties the sources contradict each other, or are silent. Each property is
+//! an enum in this module, with all positions in its `VARIANTS`; a correct driver works in all of
+//! them. [`Switches::default`] selects the position that is hardest for the driver, except where
+//! the evidence against it is strong; those exceptions say so.
 
 /// Which reads release INTB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,25 +31,26 @@ pub enum UnreadCleared {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum StatusReporting {
-    /// An error or DRDY shows only if its 2INT bit is set (datasheet table 26; seen on an LDC1314).
+    /// STATUS shows an error or DRDY only if its 2INT bit is set (datasheet table 26; seen on an
+    /// LDC1314).
     #[default]
     OnlyWhenEnabled,
-    /// Always; the 2INT bits govern the pin alone (SNOA959 table 1).
+    /// STATUS always shows them; the 2INT bits affect INTB alone (SNOA959 table 1).
     Always,
 }
 
-/// Time between two conversions on a single channel, beyond 16 RCOUNT reference clocks.
+/// Time between two conversions on a single channel, in excess of their 16 RCOUNT reference clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Overhead {
-    /// The part that scales with the reference clock, in its periods.
+    /// Number of reference clocks.
     pub clocks: f64,
-    /// The constant part, nanoseconds.
+    /// Constant time in addition to the clocks, nanoseconds.
     pub nanoseconds: f64,
 }
 
 impl Overhead {
-    /// +11 clocks: 18 intervals of 36.305 ms at 12 MHz and RCOUNT 1512 (measured, eddy-ng issue 3).
+    /// +11 clocks: measured, 18 intervals of 36.305 ms at 12 MHz and RCOUNT 1512 (eddy-ng issue 3).
     pub const MEASURED: Self = Self {
         clocks: 11.0,
         nanoseconds: 0.0,
@@ -64,7 +65,7 @@ impl Overhead {
         clocks: 5.0,
         nanoseconds: 692.0,
     };
-    /// None (datasheet tables 9 to 12).
+    /// No overhead (datasheet tables 9 to 12).
     pub const NONE: Self = Self {
         clocks: 0.0,
         nanoseconds: 0.0,
@@ -94,12 +95,12 @@ impl Default for Overhead {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SleepExit {
-    /// The registers keep their values (datasheet 7.4.2). Default, though the milder one: in the
-    /// other position nothing can be measured until it has taken effect.
+    /// The registers keep their values (datasheet 7.4.2). This is the default although it is easier
+    /// for the driver: with `LosesOnce` nothing can be measured until the loss has occurred.
     #[default]
     Keeps,
     /// The first time, all registers return to their reset values and the chip falls asleep again:
-    /// field reports E2E 462858 and 1037151, likely a droop of the supply when the coil starts.
+    /// reported in E2E 462858 and 1037151, probably because the supply droops when the coil starts.
     LosesOnce,
 }
 
@@ -107,15 +108,17 @@ pub enum SleepExit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConfigReadback {
-    /// As written, 0x2801 after reset (datasheet table 27). Default, though the milder one: TI
-    /// calls the other impossible, and only one customer reports it.
+    /// As written, 0x2801 after reset (datasheet table 27). This is the default although it is
+    /// easier for the driver: TI calls the other value impossible, and only one customer reports
+    /// it.
     #[default]
     AsWritten,
     /// As zero, 0x2800 after reset (E2E 934126).
     ReservedAsZero,
 }
 
-/// The smallest RCOUNT that converts. Below it a conversion ends on time, but with a zero count.
+/// The smallest RCOUNT with valid results. With a smaller one a conversion ends on time, but with a
+/// zero count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RcountMinimum {
@@ -144,26 +147,26 @@ pub enum ActiveWrite {
     Accepted,
     /// The write is lost.
     Ignored,
-    /// The write is accepted, and the current conversion counts wrong. Default: eddy-ng changes the
-    /// drive current of a running chip, so writes do arrive.
+    /// The write is accepted, and the current conversion counts wrong. This is the default: eddy-ng
+    /// changes the drive current of a running chip, so writes are not lost.
     #[default]
     CorruptsConversion,
 }
 
-/// Bytes read after the two bytes of a register.
+/// What a master reads after the two bytes of a register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BurstRead {
-    /// The chip leaves the bus alone, and 0xFF is read (E2E 796435: "just yields a NACK").
+    /// 0xFF, since the chip releases the bus (E2E 796435: "just yields a NACK").
     #[default]
     Released,
     /// The same two bytes again.
     Repeats,
-    /// The next register.
+    /// The bytes of the next register.
     AutoIncrement,
 }
 
-/// Code of DEGLITCH for 33 MHz. An unassigned code filters at 1 MHz.
+/// Code of the 33 MHz filter in MUX_CONFIG.DEGLITCH. An unassigned code filters at 1 MHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Deglitch33 {
@@ -174,15 +177,17 @@ pub enum Deglitch33 {
     Code011,
 }
 
-/// Method of counting; both give words M/N. See "The counter" in the crate's documentation.
+/// How the counter counts; both methods give words 2²⁸ M/N. See "The counter" in the crate's
+/// documentation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Counter {
-    /// Two gates of 16 RCOUNT reference clocks, one on the rising and one on the falling edges of
-    /// the sensor; M and N are the sums. This explains the spread of N in recorded words.
+    /// Two gates of 16 RCOUNT reference clocks, one for the rising and one for the falling edges of
+    /// the sensor; M and N are sums over both gates. This explains the spread of N in recorded
+    /// words.
     #[default]
     TwoGates,
-    /// One gate; half periods of the sensor in half periods of the reference.
+    /// One gate, in which half periods of the sensor and half periods of the reference are counted.
     HalfPeriods,
 }
 
@@ -197,40 +202,41 @@ pub enum FlagRead {
     Keeps,
 }
 
-/// Whether DATAx_LSB belongs to the DATAx_MSB read before it.
+/// Whether a read of DATAx_LSB returns the half that belongs to the DATAx_MSB read before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ShadowLatch {
-    /// The read of DATAx_MSB latches both halves (datasheet 7.5.3). Default, though the milder one:
-    /// nothing contradicts it.
+    /// The read of DATAx_MSB latches both halves (datasheet 7.5.3). This is the default although it
+    /// is easier for the driver: no source contradicts it.
     #[default]
     OnMsbRead,
-    /// DATAx_LSB always belongs to the newest result, so a word can be torn.
+    /// DATAx_LSB always belongs to the newest result, so a word may mix two results.
     None,
 }
 
-/// When the results of an autoscan cycle reach DATAx. With one channel both are equal.
+/// When the results of an autoscan cycle reach DATAx. The two positions differ only with several
+/// channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Overwrite {
     /// Each result at the end of its own conversion: channel 0 is overwritten long before INTB
-    /// falls for the cycle, and a frame that is read late mixes two cycles. Default: no source says
-    /// otherwise.
+    /// falls for the cycle, and a frame that is read late mixes two cycles. This is the default: no
+    /// source says otherwise.
     #[default]
     ByChannel,
-    /// All results at the end of the last conversion, with INTB.
+    /// All results at the end of the last channel's conversion, when INTB falls.
     ByScan,
 }
 
-/// Effect of a STOP or START within the two bytes of a register.
+/// Effect of a STOP or START between the two bytes of a register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum EarlyTermination {
-    /// None beyond the loss of that access.
+    /// The access is lost, without further effect.
     Harmless,
-    /// A half-done write is stored as the new high byte with the old low one, and in the next
-    /// transaction every byte is shifted by one bit (datasheet 7.5.2: "may corrupt that transaction
-    /// and/or the following"; the form of it is a guess).
+    /// A half-done write stores the new high byte with the old low one, and in the next transaction
+    /// every byte is shifted by one bit. Datasheet 7.5.2 says that it "may corrupt that transaction
+    /// and/or the following"; in which way is a guess.
     #[default]
     CorruptsFollowing,
 }
@@ -284,23 +290,23 @@ pub struct Switches {
     pub active_write: ActiveWrite,
     /// Bytes read after the two bytes of a register.
     pub burst_read: BurstRead,
-    /// The code of the widest deglitch filter.
+    /// The code of the 33 MHz deglitch filter.
     pub deglitch_33: Deglitch33,
     /// Method of counting.
     pub counter: Counter,
     /// Whether reading clears the flags of a result.
     pub flag_read: FlagRead,
-    /// Whether the two halves of a word belong together.
+    /// Whether a read of DATAx_LSB returns the half that belongs to the DATAx_MSB read before.
     pub shadow_latch: ShadowLatch,
     /// When the results of an autoscan cycle reach DATAx.
     pub overwrite: Overwrite,
-    /// Effect of a broken-off access.
+    /// Effect of a STOP or START between the two bytes of a register.
     pub early_termination: EarlyTermination,
 }
 
 impl Switches {
-    /// The default, followed by every set that differs from it in one switch. Run a driver through
-    /// all of them.
+    /// The default positions, followed by every set that differs from them in one switch. Test a
+    /// driver with all of them.
     ///
     /// ```
     /// use ldc161x_sim::Switches;
@@ -344,7 +350,7 @@ impl Switches {
     }
 }
 
-/// The defaults with one switch in each of its other positions.
+/// The default positions with one switch in each of its other positions.
 fn moved<T: Copy>(
     variants: &'static [T],
     set: fn(&mut Switches, T),

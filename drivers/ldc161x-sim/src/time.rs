@@ -1,19 +1,19 @@
-//! Simulated time in picoseconds, so that no clock of the chip drifts against real time.
+//! Simulated time in picoseconds: fine enough that rounding does not make the chip's clocks drift.
 
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
 
-/// A point in simulated time, or a length of it, in whole picoseconds.
+/// A point in simulated time, or a duration, in whole picoseconds.
 ///
-/// Sixty-four bits of picoseconds span 213 days. All arithmetic saturates: a time never wraps and
-/// never panics. A point in time counts from the creation of the chip. With `serde` it is
-/// serialised as its number of picoseconds.
+/// The largest time is 213 days. All arithmetic saturates: a time never wraps and never panics. A
+/// point in time counts from the creation of the chip. With `serde` it is serialised as its number
+/// of picoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Time(u64);
 
 impl Time {
-    /// The creation of the chip, or a length of zero.
+    /// The creation of the chip, or a duration of zero.
     pub const ZERO: Self = Self(0);
     /// The largest time of the type, later than any test runs.
     pub const MAX: Self = Self(u64::MAX);
@@ -101,11 +101,11 @@ impl fmt::Display for Time {
 
 const PICOSECONDS: f64 = 1e12;
 
-/// A point in time including its fraction of a picosecond.
+/// A point in time, including a fraction of a picosecond.
 ///
 /// A reference period is seldom a whole number of picoseconds (83 333.3… at 12 MHz). Rounding each
-/// conversion would shift the sample grid by up to 0.5 ps per conversion; with the fraction carried
-/// on, only the rounding of one `f64` product remains, below 10⁻⁵ ps per conversion.
+/// conversion would shift the following ones by up to 0.5 ps per conversion; with the fraction
+/// included, only the rounding of one `f64` product remains, below 10⁻⁵ ps per conversion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moment {
     time: Time,
@@ -126,14 +126,14 @@ impl Moment {
         }
     }
 
-    /// The time `seconds` later, at least one picosecond later: every step of the model takes time,
-    /// so that no setting can make it stand still. A length that is NaN never ends.
+    /// The time `seconds` later, but at least one picosecond later: every step of the model takes
+    /// time, so that no setting can make it stand still. With NaN it is later than any event.
     pub(crate) fn after(self, seconds: f64) -> Self {
         let picoseconds = seconds * PICOSECONDS + self.fraction;
         if !picoseconds.is_finite() || self.time == Time::MAX {
             return Self::NEVER;
         }
-        // Above zero the cast rounds down, and saturates.
+        // The value is above zero: the cast rounds down and saturates.
         let whole = picoseconds.max(1.0) as u64;
         Self {
             time: self.time + Time::from_ps(whole),
@@ -141,7 +141,7 @@ impl Moment {
         }
     }
 
-    /// The picosecond that contains it.
+    /// The time rounded down to a whole picosecond.
     pub(crate) const fn time(self) -> Time {
         self.time
     }
@@ -170,13 +170,14 @@ mod tests {
 
     #[test]
     fn ten_minutes_of_twelve_megahertz_periods_end_on_time() {
-        // 600 s in steps of 24 203 periods of 12 MHz; the exact sum is 297 483 steps of 2016.91666… us.
+        // 600 s in steps of 24 203 periods of 12 MHz: 297 483 steps of 2016.91666… us, if added
+        // exactly.
         let steps: u64 = 297_483;
         let mut moment = Moment::at(Time::ZERO);
         for _ in 0..steps {
             moment = moment.after(24_203.0 / 12e6);
         }
-        // in twelfths of a microsecond the total is a whole number
+        // In twelfths of a microsecond, the exact total is a whole number.
         let exact_ps = u128::from(steps) * 24_203 * 1_000_000 / 12;
         let error = moment.time().as_ps().abs_diff(exact_ps as u64);
         assert!(error <= 5, "{error} ps after ten minutes");

@@ -1,7 +1,7 @@
-//! Calls every method of the driver on a bus whose answers the compiler cannot foresee, linked for
-//! a Cortex-M0+ so that the linker shows what can be reached. `cargo xtask ci --only panic-free`
-//! searches the image for panics. With `--cfg planted_panic` the program contains one, to show that
-//! the search finds it.
+//! Calls every method of the driver on a bus whose answers the compiler cannot foresee. It is
+//! linked for a Cortex-M0+, so that the image contains all code that can be reached; `cargo xtask
+//! ci --only panic-free` searches the image for panics. With `--cfg planted_panic` the program
+//! contains one, to show that the search finds it.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -1,6 +1,6 @@
-//! Reads an LDC1612 with its own 40 MHz oscillator on an I2C bus of Linux, as on a Raspberry Pi or
-//! a USB adapter. INTB is not connected: STATUS says whether a result waits. Prints time, frequency
-//! and standard uncertainty of channel 0, one line per reading.
+//! Reads an LDC1612 with a 40 MHz oscillator at its CLKIN on an I2C bus of Linux, for example of a
+//! Raspberry Pi or of a USB adapter. INTB is not connected: STATUS shows whether a result is ready.
+//! Prints time, frequency and standard uncertainty of channel 0, one text line per reading.
 //!
 //! ```text
 //! cargo run -p ldc161x --example linux -- /dev/i2c-1

@@ -6,8 +6,8 @@
 //! cargo build -p ldc161x --example stm32f411 --target thumbv7em-none-eabihf
 //! ```
 //!
-//! On any other target it only prints which target it needs, since examples are built with the
-//! tests.
+//! On any other target the program only prints which target it needs: the tests build all examples,
+//! on a PC too.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -29,7 +29,8 @@ mod board {
     use panic_halt as _;
     use stm32f4xx_hal::{i2c::I2c, pac, prelude::*, rcc::Config};
 
-    /// The plan, computed at compile time; a plan that breaks a limit of the chip does not compile.
+    /// The plan, computed at compile time: if it breaks a limit of the chip, the program does not
+    /// compile.
     const PLAN: Plan = match Request::new(
         Model::Ldc1614,
         ReferenceClock::External { hz: 40_000_000 },
@@ -61,8 +62,8 @@ mod board {
         let i2c = I2c::new(device.I2C1, (pins_b.pb6, pins_b.pb7), 400.kHz(), &mut rcc);
         let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
         let mut running = driver.start(&PLAN.configuration);
-        // Without it, readings of a sensor other than the planned one are flagged, and none is
-        // good.
+        // Without a calibrated drive current, all readings of a sensor other than the planned one
+        // are flagged, and none is good.
         if running.is_ok() {
             running = driver.calibrate_drive_current(&mut delay).map(drop);
         }
@@ -81,7 +82,7 @@ mod board {
         }
     }
 
-    /// Reads one frame and checks one canary register.
+    /// Reads one frame, and compares one register with its expected value.
     fn measure<I2C: embedded_hal::i2c::I2c>(
         driver: &mut Ldc161x<I2C>,
     ) -> Result<(), Error<I2C::Error>> {

@@ -5,8 +5,8 @@
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BusAccess {
-    /// One transaction for the frame, registers joined by repeated starts. No other transfer can
-    /// come between the reads of one frame, and it takes the least time.
+    /// One transaction for each frame, its registers joined by repeated starts. It takes the least
+    /// time, and no other transfer can come between the reads of one frame.
     #[default]
     FramePerTransaction,
     /// One `write_read` per register: for HALs whose `transaction` takes two operations only.
@@ -17,8 +17,8 @@ pub enum BusAccess {
 }
 
 impl BusAccess {
-    /// Bit times of reading `registers` registers, start and stop conditions included at one bit
-    /// time each.
+    /// Bit times of reading `registers` registers; each start and stop condition counts as one bit
+    /// time.
     ///
     /// ```
     /// use ldc161x::BusAccess;
@@ -29,7 +29,8 @@ impl BusAccess {
     /// assert_eq!(BusAccess::RegisterPerTransaction.bit_times(2), 96);
     /// ```
     pub const fn bit_times(self, registers: u32) -> u32 {
-        // Address and pointer; address and two data bytes; nine bit times each.
+        // The pointer takes a start, an address and a pointer byte; the data take a start, an
+        // address and two bytes. A byte takes nine bit times.
         let pointer = 1 + 9 + 9;
         let data = 1 + 9 + 18;
         match self {

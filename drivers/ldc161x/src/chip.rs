@@ -151,9 +151,9 @@ impl Sequence {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Acquisition {
-    /// One channel, converted back to back; its sensor oscillates all the time.
+    /// One channel, converted continuously; its sensor oscillates all the time.
     Single(Channel),
-    /// Several channels in turn; each sensor is restarted for its conversion.
+    /// Several channels in turn; each sensor is activated anew for its conversion.
     Autoscan(Sequence),
 }
 

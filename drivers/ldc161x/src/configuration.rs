@@ -1,4 +1,4 @@
-//! Requested value of every register.
+//! The configuration: the requested value of every register.
 
 use crate::{
     Acquisition, Channel, ClockDividers, Config, Deglitch, DriveCode, DriveCurrent, ErrorConfig,
@@ -15,8 +15,8 @@ pub enum ReferenceClock {
         /// Frequency in hertz.
         hz: u32,
     },
-    /// The internal oscillator: 35 to 55 MHz, so frequencies are not absolute without calibration;
-    /// -13 ppm/K (datasheet 6.5).
+    /// The internal oscillator: 35 to 55 MHz with -13 ppm/K (datasheet 6.5), so frequencies are not
+    /// accurate without calibration.
     Internal,
 }
 
@@ -53,7 +53,7 @@ pub struct ChannelSettings {
 }
 
 impl ChannelSettings {
-    /// Shortest conversion, weakest drive: the settings of an unused channel.
+    /// Settings of an unused channel: shortest conversion, weakest drive.
     pub const UNUSED: Self = Self {
         rcount: Rcount::MIN,
         settle_count: SettleCount::MIN,
@@ -66,8 +66,9 @@ impl ChannelSettings {
     };
 }
 
-/// All settings that the driver writes and compares with the chip's registers. Made by
-/// [`Request::plan`](crate::Request::plan), or by hand for an unusual board.
+/// All settings that the driver writes and compares with the chip's registers.
+/// [`Request::plan`](crate::Request::plan) computes them; for an unusual board they may be set by
+/// hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -80,10 +81,10 @@ pub struct Configuration {
     pub channels: [ChannelSettings; 4],
     /// Input filter.
     pub deglitch: Deglitch,
-    /// Where errors are reported.
+    /// Which errors are reported, and where.
     pub errors: ErrorConfig,
-    /// Starts the sensor with its own drive current instead of the strongest. Slower; the datasheet
-    /// recommends the strongest (Table 41).
+    /// Whether a sensor starts with its own drive current instead of the strongest. This is slower;
+    /// the datasheet recommends the strongest (Table 41).
     pub low_power_activation: bool,
     /// Noise parameters of the channels.
     pub noise: Noise,
@@ -93,7 +94,7 @@ pub struct Configuration {
 const PER_CHANNEL: u8 = 5;
 
 impl Configuration {
-    /// Whether `model` has all its channels.
+    /// Whether all channels of this configuration exist on `model`.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -144,7 +145,7 @@ impl Configuration {
         }
     }
 
-    /// Scale from codes of one channel to frequencies, at the nominal clock.
+    /// Conversion of one channel's codes to frequencies, for the nominal clock.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -164,7 +165,7 @@ impl Configuration {
         }
     }
 
-    /// CONFIG for converting, or for sleep.
+    /// Value of CONFIG for converting or for sleep.
     pub(crate) const fn config(&self, sleep: bool) -> Config {
         Config {
             active_channel: match self.acquisition {
@@ -181,7 +182,7 @@ impl Configuration {
         }
     }
 
-    /// CONFIG with which the chip finds its own drive current (datasheet 8.1.5.2).
+    /// Value of CONFIG with which the chip itself finds the drive current (datasheet 8.1.5.2).
     pub(crate) const fn calibrating_config(&self, sleep: bool) -> Config {
         Config {
             fixed_drive: false,
@@ -195,7 +196,8 @@ impl Configuration {
         PER_CHANNEL * self.acquisition.channel_count() + 2
     }
 
-    /// Register number `index` of those to write while asleep, in order; CONFIG comes after them.
+    /// Register number `index`, in the order in which they are written while the chip sleeps, and
+    /// its value. CONFIG is not among them: it is written last.
     pub(crate) const fn register(&self, index: u8) -> Option<(Register, u16)> {
         let per_channels = PER_CHANNEL * self.acquisition.channel_count();
         if index == per_channels {
@@ -225,8 +227,8 @@ impl Configuration {
         })
     }
 
-    /// Microseconds from leaving sleep to the end of the first whole frame, at the slowest
-    /// clock: 16384 / fINT, then settling, converting and switching for each channel.
+    /// Microseconds from leaving sleep to the end of the first whole frame at the slowest clock: a
+    /// wake-up of 16384 / fINT, then settling, converting and switching for each channel.
     pub(crate) fn first_frame_us(&self) -> u32 {
         // 16384 periods of the slowest internal oscillator, 35 MHz (datasheet 7.4.2).
         const WAKE_UP_US: u32 = 469;
@@ -234,8 +236,8 @@ impl Configuration {
         let mut total = u64::from(WAKE_UP_US);
         for channel in self.acquisition.channels() {
             let settings = self.channel(channel);
-            // Switching takes 692 ns and 5 periods, the measured overhead is 11 periods: 32 covers
-            // both.
+            // Switching takes 692 ns and 5 reference periods by the datasheet, 11 periods as
+            // measured: 32 periods cover both.
             let periods = u64::from(settings.settle_count.reference_periods())
                 + u64::from(settings.rcount.reference_periods())
                 + 32;

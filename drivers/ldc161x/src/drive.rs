@@ -1,4 +1,4 @@
-//! Sensor drive current: the table of codes, and the code that suits a parallel resistance.
+//! Sensor drive current: the table of codes, and the code for a sensor's parallel resistance.
 
 use core::fmt;
 
@@ -27,7 +27,7 @@ impl DriveCode {
     /// The strongest drive, 1563 uA.
     pub const STRONGEST: Self = Self(31);
 
-    /// A code from 0 to 31.
+    /// Creates a code from a number, 0 to 31.
     ///
     /// ```
     /// use ldc161x::DriveCode;
@@ -38,7 +38,7 @@ impl DriveCode {
         if code < 32 { Some(Self(code)) } else { None }
     }
 
-    /// The code in the low five bits of a register field.
+    /// Creates a code from the low five bits of a register field.
     pub(crate) const fn from_field(bits: u16) -> Self {
         Self((bits & 0x1F) as u8)
     }
@@ -58,7 +58,8 @@ impl DriveCode {
     /// assert_eq!(ldc161x::DriveCode::default().current_ua(), 16);
     /// ```
     pub const fn current_ua(self) -> u16 {
-        // The mask states what the constructors guarantee, so that no bounds check remains.
+        // The constructors guarantee a code below 32; the mask lets the compiler omit the bounds
+        // check.
         DRIVE_CURRENT_UA[(self.0 & 0x1F) as usize]
     }
 
@@ -73,9 +74,9 @@ impl DriveCode {
         4.0 / core::f32::consts::PI * self.current_ua() as f32 * 1e-6 * rp_ohm as f32
     }
 
-    /// The strongest code that keeps the amplitude at or below 1.8 V for the highest parallel
-    /// resistance that the sensor will show (application note SNOA950). `None` above about
-    /// 88 kiloohm, where even the weakest drive is too strong: put 100 kiloohm in parallel
+    /// The strongest code that keeps the amplitude at or below 1.8 V at the highest parallel
+    /// resistance that the sensor will have (application note SNOA950). `None` above about 88
+    /// kiloohm, where even the weakest drive is too strong: connect 100 kiloohm in parallel
     /// (datasheet 8.1.5).
     ///
     /// ```

@@ -1,4 +1,4 @@
-//! Reading frames, and waiting for the interrupt that announces them.
+//! Reading frames, and waiting for the interrupt that announces each frame.
 
 use embedded_hal::{delay::DelayNs, digital::InputPin, i2c::I2c};
 #[cfg(feature = "async")]
@@ -14,8 +14,8 @@ use crate::{
 
 /// Interval at which INTB is polled, in microseconds.
 const INTERRUPT_POLL_US: u32 = 5;
-/// Attempts to release INTB: a conversion that ends during the read of STATUS pulls it low again,
-/// seldom three times in a row.
+/// Number of attempts to release INTB: a conversion that ends during the read of STATUS pulls INTB
+/// low again, but hardly three times in a row.
 const RELEASE_TRIES: u8 = 3;
 
 #[maybe_async_cfg::maybe(
@@ -52,14 +52,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
         let release = self.find_interrupt_release(interrupt, delay).await?;
         self.state.release = release;
         self.state.frames_discarded();
-        // The last try may leave INTB low: the next frame would then be read during the one after
-        // it.
+        // The last attempt may have left INTB low: each frame would then be read while the one
+        // after it is converted.
         self.release_interrupt().await?;
         Ok(release)
     }
 
-    /// Each try starts with INTB released by STATUS and waits for it to fall: the read that follows
-    /// then ends before the next conversion ends.
+    /// Each attempt starts with INTB released by a read of STATUS and waits until INTB falls: so
+    /// the read of the data ends before the next conversion does.
     async fn find_interrupt_release(
         &mut self,
         interrupt: &mut impl InputPin,
@@ -86,8 +86,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Waits until INTB is low, polling every few microseconds, for at most the time of two frames
-    /// after leaving sleep. For programs without interrupts of their own.
+    /// Waits until INTB is low, polling every few microseconds, for at most the time of two frames,
+    /// start-up after sleep included. For programs that do not use an interrupt of the
+    /// microcontroller.
     ///
     /// # Errors
     ///
@@ -116,19 +117,19 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(())
     }
 
-    /// Reads the latest result of every active channel. Call it when INTB has fallen: without that,
-    /// and without STATUS, the driver cannot distinguish a new result from one that was read
-    /// before, whose flags are gone. Boards without INTB use
+    /// Reads the latest result of every active channel. Call it when INTB has fallen: otherwise, if
+    /// the driver does not read STATUS, it cannot distinguish a new result from one that was read
+    /// before and whose flags are cleared. Boards without INTB use
     /// [`read_frame_if_ready`](Self::read_frame_if_ready).
     ///
-    /// STATUS is read in the same transaction unless reading data is known to release INTB. After a
-    /// failed transfer the driver reads identity and CONFIG before the next frame, and marks that
+    /// STATUS is read in the same transaction, unless reading data is known to release INTB. After
+    /// a failed transfer the driver reads identity and CONFIG before the next frame, and marks that
     /// frame as following a gap.
     ///
     /// # Errors
     ///
-    /// [`Error::NotStarted`], [`Error::NotRunning`], a bus error, or the result of the check after
-    /// one: [`Error::WrongIdentity`], [`Error::RegistersLost`].
+    /// [`Error::NotStarted`], [`Error::NotRunning`], a bus error, or, if the check after a failed
+    /// transfer fails, [`Error::WrongIdentity`] or [`Error::RegistersLost`].
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -142,7 +143,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.read_data(None, self.state.reads_status()).await
     }
 
-    /// Reads STATUS and, if it reports a finished frame, the frame; `None` otherwise.
+    /// Reads STATUS. If STATUS reports a finished frame, reads and returns it; otherwise returns
+    /// `None`.
     ///
     /// # Errors
     ///
@@ -165,10 +167,11 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.read_data(Some(status), false).await.map(Some)
     }
 
-    /// Returns the register pointers of a frame, for a bus master that reads frames by itself on
-    /// each edge of INTB, before the program runs. Pass the bytes to
-    /// [`decode_frame`](Self::decode_frame). The request stays the same until the driver starts
-    /// another configuration or [`set_interrupt_release`](Self::set_interrupt_release) changes it.
+    /// Returns the register pointers of a frame, for a bus master that reads frames by itself at
+    /// each edge of INTB, without the program. Pass the bytes that it reads to
+    /// [`decode_frame`](Self::decode_frame). The pointers stay the same until the driver starts
+    /// another configuration or [`set_interrupt_release`](Self::set_interrupt_release) changes
+    /// them.
     ///
     /// # Errors
     ///
@@ -196,8 +199,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Decodes a frame from bytes that were read in the order of
-    /// [`frame_request`](Self::frame_request): two per register, the high byte first. Sends
-    /// nothing.
+    /// [`frame_request`](Self::frame_request): two per register, the high byte first. Does not use
+    /// the bus.
     ///
     /// # Errors
     ///
@@ -234,9 +237,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(frame)
     }
 
-    /// Reports that a frame read by the bus master was lost or that its transfer failed: the next
-    /// frame is marked as following a gap, and [`read_frame`](Self::read_frame) checks the chip's
-    /// identity first.
+    /// Reports that a frame that the bus master should have read was lost, or that its transfer
+    /// failed. The next frame is marked as following a gap, and the next
+    /// [`read_frame`](Self::read_frame) first checks the chip's identity.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -271,8 +274,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Checks, after a failed transfer, that the chip answers with its identity and is awake. A
-    /// transfer that was cut short may corrupt the following one (datasheet 7.5.2); here the
-    /// following transfer is this check and no frame.
+    /// transfer that was cut short may corrupt the following one (datasheet 7.5.2): the check makes
+    /// sure that the following one is not a frame.
     async fn resynchronise(
         &mut self,
         configuration: &Configuration,

@@ -11,11 +11,11 @@ use crate::{
     Channel, Configuration, DEVICE_ID, DriveCode, Error, MANUFACTURER_ID, Register, register::RESET,
 };
 
-/// Time from the release of SD to the first transfer: 2 ms at most (datasheet 6.5). A reset by
-/// register gets the same time, since no source states another.
+/// Time from the release of SD to the first transfer, us: the chip needs 2 ms at most (datasheet
+/// 6.5). The same time is used after a reset by register, for which no source states one.
 const RESET_US: u32 = 2_000;
-/// Time for which SD is held high; no source gives a minimum. One millisecond is a thousand times
-/// what a digital input needs.
+/// Time for which SD is held high, us: no source gives a minimum, and one millisecond is a thousand
+/// times what a digital input needs.
 const SHUTDOWN_US: u32 = 1_000;
 
 #[maybe_async_cfg::maybe(
@@ -52,10 +52,10 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Configures the chip and starts conversions: sleep, identity, every register written and read
-    /// back, CONFIG last; then reads every register again, since chips have been seen to lose them
-    /// on leaving sleep. Releases INTB, so that its next fall is the end of a whole frame. The
-    /// first frame is marked as following a gap.
+    /// Configures the chip and starts conversions: puts the chip to sleep, checks its identity,
+    /// writes every register and reads it back, CONFIG last. Then reads every register again, since
+    /// chips have been seen to lose them on leaving sleep. Releases INTB, so that its next falling
+    /// edge is the end of a whole frame. The first frame is marked as following a gap.
     ///
     /// # Errors
     ///
@@ -104,7 +104,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .await
     }
 
-    /// Restarts conversions after [`sleep`](Self::sleep), after comparing all registers.
+    /// Restarts conversions after [`sleep`](Self::sleep), then compares all registers.
     ///
     /// # Errors
     ///
@@ -128,10 +128,10 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.release_interrupt().await
     }
 
-    /// Resets the chip by its register and starts the requested configuration again.
+    /// Resets the chip by its reset register and starts the requested configuration again.
     ///
-    /// If the bus itself is stuck, the bus's owner clears it first (nine clocks, then a stop). On
-    /// failure call again, within a deadline of your own.
+    /// If the bus itself is stuck, its owner must clear it first (nine clocks, then a stop). After
+    /// a failure call this again, up to a deadline of your own.
     ///
     /// # Errors
     ///
@@ -152,8 +152,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.start(&configuration).await
     }
 
-    /// Resets the chip by its SD pin, which also ends a transfer that the chip is stuck in, and
-    /// starts the requested configuration again.
+    /// Resets the chip by its SD pin and starts the requested configuration again. This also ends a
+    /// transfer in which the chip is stuck.
     ///
     /// # Errors
     ///
@@ -181,8 +181,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Lets the chip find the drive current of every active channel, and continues with these
-    /// currents (datasheet 8.1.5.2). Keep the sensor at the largest distance it will meet. The next
-    /// frame is marked as following a gap and a step of the drive.
+    /// currents (datasheet 8.1.5.2). Call it with the target at the largest distance that will
+    /// occur. The next frame is marked as following a gap and a drive step.
     ///
     /// # Errors
     ///
@@ -205,7 +205,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.write_asleep(&configuration).await?;
         let config = configuration.calibrating_config(false).to_bits();
         self.write_verified(Register::Config, config).await?;
-        // Two frames: the chip corrects the amplitude between conversions.
+        // Waits for two frames, since the chip corrects the amplitude between conversions.
         delay
             .delay_us(configuration.first_frame_us().saturating_mul(2))
             .await;
@@ -226,8 +226,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(found)
     }
 
-    /// Changes the drive current of one channel; the chip sleeps meanwhile. The next frame is
-    /// marked as following a gap and a step of the drive, since the code steps with the drive.
+    /// Changes the drive current of one channel; the chip sleeps while registers are written. The
+    /// next frame is marked as following a gap and a drive step, since the drive current shifts the
+    /// code.
     ///
     /// # Errors
     ///
@@ -252,14 +253,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(())
     }
 
-    /// Releases INTB. Since its last edge the chip has converted and pulled INTB low; once
-    /// released, INTB falls again at the end of a frame, and that frame can be read before it is
+    /// Releases INTB, which the chip may have pulled low since its last edge was handled. Once
+    /// released, INTB falls at the end of the next frame, which can then be read before it is
     /// overwritten.
     pub(super) async fn release_interrupt(&mut self) -> Result<(), Error<I2C::Error>> {
         self.read_status().await.map(drop)
     }
 
-    /// Puts the chip to sleep, writes every register but CONFIG, and reads each back.
+    /// Puts the chip to sleep, writes every register except CONFIG, and reads each one back.
     async fn write_asleep(
         &mut self,
         configuration: &Configuration,

@@ -54,7 +54,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Returns the bus. The chip keeps its state.
+    /// Drops the driver and returns the bus. The chip keeps its state.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -79,8 +79,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.access = access;
     }
 
-    /// Sets whether every word is read twice and compared, since the bus carries no checksum. This
-    /// takes twice the bus time.
+    /// Sets whether every word is read twice and compared, since I2C has no checksum. This doubles
+    /// the bus time.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -94,7 +94,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.read_twice = twice;
     }
 
-    /// Sets what releases INTB, as determined by an earlier probe.
+    /// Sets which reads release INTB, for example as determined by an earlier probe.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]

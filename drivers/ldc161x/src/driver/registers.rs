@@ -22,13 +22,13 @@ use crate::{
     )
 )]
 impl<I2C: I2c> Ldc161x<I2C> {
-    /// Compares one register with its expected value; each call takes the next register, CONFIG
-    /// last. Call it between frames; each call takes 48 bit times. A chip that lost its registers
-    /// still answers, with wrong frequencies: only this comparison detects it.
+    /// Compares one register with its expected value; successive calls take the registers in turn,
+    /// CONFIG last. Call it between frames; each call takes 48 bit times. A chip that has lost its
+    /// registers still answers, with wrong frequencies: only this comparison detects that.
     ///
     /// # Errors
     ///
-    /// [`Error::RegistersLost`]: the chip counts as not running, and every frame since the last
+    /// [`Error::RegistersLost`]: the chip counts as not running, and every frame after the last
     /// confirmed one is in doubt. Otherwise as for [`read_frame`](Self::read_frame).
     ///
     /// ```
@@ -47,7 +47,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(self.state.canary_lives(&configuration, register))
     }
 
-    /// Runs a whole round of canaries at once, which confirms every frame read so far.
+    /// Compares all registers at once, which confirms every frame read so far.
     ///
     /// # Errors
     ///
@@ -89,7 +89,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .map(Status::from_bits)
     }
 
-    /// Reads the drive current of one channel, and the current that calibration found.
+    /// Reads the drive current of one channel, and the drive current that the chip's calibration
+    /// found.
     ///
     /// # Errors
     ///
@@ -140,7 +141,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         }
     }
 
-    /// Reads `registers` in order, by the selected `BusAccess`.
+    /// Reads `registers` in order, with the selected [`BusAccess`].
     pub(super) async fn read_registers(
         &mut self,
         registers: &[Register],
@@ -162,13 +163,13 @@ impl<I2C: I2c> Ldc161x<I2C> {
     ) -> Result<(), Error<I2C::Error>> {
         let mut pointers: Vec<[u8; 1], FRAME_REGISTERS> = Vec::new();
         for register in registers {
-            // The list is as long as the longest frame, so no push can fail.
+            // `pointers` has room for the longest frame, so no push can fail.
             let _ = pointers.push([register.address()]);
         }
         let mut data = [[0; 2]; FRAME_REGISTERS];
         let mut operations: Vec<Operation<'_>, { 2 * FRAME_REGISTERS }> = Vec::new();
         for (pointer, data) in pointers.iter().zip(&mut data) {
-            // Twice as many operations as registers: no push can fail.
+            // `operations` has room for two operations for each register, so no push can fail.
             let _ = operations.push(Operation::Write(pointer));
             let _ = operations.push(Operation::Read(data));
         }
