@@ -13,7 +13,7 @@ fn main() {
 
 const CREEP: DriftModel = DriftModel::Logarithmic { tau: Second(0.05) };
 
-/// Samples of a ramp: content does not change the cost.
+/// Samples of a ramp; their values do not change the cost.
 fn samples() -> Vec<RampSample> {
     let sample = |i: usize| {
         let h = -0.1 * (1.0 - i as f32 / 400.0);
@@ -56,7 +56,7 @@ fn fit(bencher: Bencher<'_, '_>, basis: Basis) {
     });
 }
 
-/// 400 samples an iteration; divan prints the rate of samples.
+/// Each iteration pushes 400 samples; divan prints the rate of samples.
 mod push_400_samples {
     use super::*;
 

@@ -39,10 +39,10 @@ fn arguments() -> Option<EfficiencyArguments> {
     Some(arguments)
 }
 
-/// Limits: RMSE within 5 % of the bound, bias within a tenth of a standard error, coverage within
-/// 1.5 %.
+/// Limits: RMSE within 5 % of the Cramer-Rao bound, bias within a tenth of a standard error,
+/// coverage within 1.5 %.
 fn meets_the_bars(case: &EfficiencyCase, errors: &EstimateErrors) -> bool {
-    // The creep term on a single ramp serves as a comparison only.
+    // A fit with a creep term on a single ramp is for comparison only: no limit applies to it.
     case.published > 0.03
         || (errors.rms() <= 1.05
             && errors.mean().abs() <= 0.1

@@ -1,7 +1,8 @@
-//! Runs the evaluation of `tests/integration/bits.rs` as an image for a Cortex-M0+: it stores its
-//! bits in `BITS`, where an emulator or a debugger can read them, and counts its runs in `RUNS`.
-//! Linked with `-C link-arg=-Tlink.x` and this folder as `-L`, it also shows that no panic can be
-//! reached; with `--cfg planted_panic` it contains one, to show that the check would find it.
+//! Runs the evaluation of `tests/integration/bits.rs` as an image for a Cortex-M0+: it stores the
+//! bits of the results in `BITS`, where an emulator or a debugger can read them, and counts its
+//! runs in `RUNS`. Linked with `-C link-arg=-Tlink.x` and this folder as `-L`, the image also shows
+//! that no panic can be reached; with `--cfg planted_panic` it contains one, to show that the check
+//! would find it.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

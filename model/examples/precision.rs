@@ -1,5 +1,5 @@
-//! Shows why the sums are wide: compares the same fit with sums of `f32` against QR in `f64`:
-//! `cargo run --release -p palpate-model --example precision`.
+//! Shows why the estimator uses wide sums: compares fits with sums of `f32` with the same fit by QR
+//! in `f64`: `cargo run --release -p palpate-model --example precision`.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -11,12 +11,13 @@ use common::rng::Rng;
 use palpate_model::ramp::{Basis, DriftModel, Noise};
 use palpate_model::units::Second;
 
-/// Fits 1/x on g with a drift term and weights x^4/sigma^2, by centred (Welford) sums of `f32`.
+/// Fits 1/x against g with a drift term and weights x^4/sigma^2, by centred (Welford) sums of
+/// `f32`.
 fn centred_f32(recording: &Recording, phi: impl Fn(f32) -> f32) -> f32 {
     let x_ref = recording.reference.deformation().0;
     let (mut weight, mut means, mut products) = (0.0f32, [0.0f32; 3], [[0.0f32; 3]; 3]);
     for s in &recording.samples {
-        // z = x_ref/x - 1 from the deviation, without loss of digits.
+        // z = x_ref/x - 1, computed from the deviation of x without loss of digits.
         let relative = s.deformation.0 / x_ref;
         let z = -relative / (1.0 + relative);
         let column = [s.regressor, phi(s.time.0) * (1.0 + z), z];
@@ -46,7 +47,7 @@ fn centred_f32(recording: &Recording, phi: impl Fn(f32) -> f32) -> f32 {
     (1.0 + level) / slope - 1.0 - recording.reference.regressor()
 }
 
-/// The fit by plain sums of `f32`, without centring.
+/// Fits 1/x against g without a drift term, by sums of `f32` without centring.
 fn plain_f32(recording: &Recording) -> f32 {
     let [mut s, mut sg, mut sy, mut sgg, mut sgy] = [0.0f32; 5];
     for sample in &recording.samples {

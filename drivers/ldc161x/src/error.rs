@@ -1,4 +1,4 @@
-//! Errors with location, cause and remedy.
+//! Errors of the driver, with location, cause and remedy.
 
 use core::fmt;
 
@@ -16,13 +16,14 @@ pub enum Direction {
 
 /// Error of the driver; `E` is the bus's own error type.
 ///
-/// The flags of a conversion are not here: they are part of its [`Reading`](crate::Reading).
+/// The error flags of a conversion are not errors of the driver: they are part of its
+/// [`Reading`](crate::Reading).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
-    /// The bus failed.
+    /// A bus transfer failed.
     Bus {
-        /// The register, or the first one of the frame.
+        /// The register that was accessed, or the first register of the frame.
         register: Register,
         /// Read or write.
         direction: Direction,
@@ -45,8 +46,8 @@ pub enum Error<E> {
         /// Value read.
         read: u16,
     },
-    /// A register lost its value: the chip was reset or disturbed. Every frame since the last
-    /// confirmed one is in doubt.
+    /// A register of the running chip lost its value: the chip was reset or disturbed. Every frame
+    /// after the last confirmed one is in doubt.
     RegistersLost {
         /// The register.
         register: Register,
@@ -57,9 +58,9 @@ pub enum Error<E> {
     },
     /// The configuration uses a channel that this chip does not have.
     NoSuchChannel,
-    /// No configuration was started yet.
+    /// No configuration has been started yet.
     NotStarted,
-    /// The chip is asleep, or lost its registers, and converts nothing.
+    /// The chip is asleep or has lost its registers, so it converts nothing.
     NotRunning,
     /// The number of bytes does not match the frame request.
     FrameLength {
@@ -68,7 +69,7 @@ pub enum Error<E> {
         /// Number of bytes given.
         found: usize,
     },
-    /// INTB did not fall in the time of two frames.
+    /// INTB did not fall within the time of two frames.
     NoInterrupt {
         /// Time waited, in microseconds.
         waited_us: u32,

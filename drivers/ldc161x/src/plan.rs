@@ -1,5 +1,5 @@
-//! Planner: turns a request (clock, sensor, rate, channels) into register values, or into the limit
-//! that the request breaks.
+//! Planner: computes register values from a request (clock, sensor, rate, channels), or names the
+//! limit that the request breaks.
 //!
 //! The whole planner is `const`, so that a fixed plan costs no code and an impossible plan does not
 //! compile. Frequencies are whole hertz, times whole nanoseconds.
@@ -12,32 +12,34 @@ use crate::{
 
 /// Limits of CLKIN in hertz: 2 to 40 MHz (datasheet 6.5).
 const CLKIN_HZ: (u32, u32) = (2_000_000, 40_000_000);
-/// Highest fREF with one channel, either clock (datasheet Table 43).
+/// Highest reference frequency fREF, Hz, with one channel, for either clock (datasheet Table 43).
 const SINGLE_REFERENCE_HZ: u32 = 35_000_000;
-/// Highest fREF with autoscan: external, internal (datasheet Table 43).
+/// Highest reference frequency fREF, Hz, with autoscan: external clock, internal clock (datasheet
+/// Table 43).
 const AUTOSCAN_REFERENCE_HZ: (u32, u32) = (40_000_000, 55_000_000);
 /// Limits of the sensor frequency in hertz: 1 kHz to 10 MHz (datasheet 6.5).
 const SENSOR_HZ: (u32, u32) = (1_000, 10_000_000);
 /// Sensor frequency in hertz from which on the sensor has to be divided (datasheet Table 43,
 /// note 2).
 const DIVIDE_FROM_HZ: u32 = 8_750_000;
-/// Limits of the parallel resistance: 1 to 100 kiloohm (datasheet 6.5). A lower resistance needs
-/// the high-current mode; its figures differ between sources, so it is not planned.
+/// Limits of the sensor's parallel resistance: 1 to 100 kiloohm (datasheet 6.5). A lower resistance
+/// needs the high-current mode; its figures differ between sources, so it is not planned.
 const RP_OHM: (u32, u32) = (1_000, 100_000);
 /// Limits of the I2C clock in hertz (datasheet 6.6).
 const BUS_HZ: (u32, u32) = (10_000, 400_000);
-/// Time of switching from one conversion to the next: 692 ns and 5 reference periods (datasheet
-/// Equation 8), which is 1.11 us at 12 MHz. An LDC1612 at 12 MHz was measured at 11 periods,
-/// 0.92 us.
+/// Constant part of the time between two conversions, ns: switching takes 692 ns and 5 reference
+/// periods (datasheet Equation 8), together 1.11 us at 12 MHz. An LDC1612 at 12 MHz was measured at
+/// 11 periods, 0.92 us.
 const SWITCH_NS: u64 = 692;
-/// See [`SWITCH_NS`].
+/// Number of reference periods in the switching time; see [`SWITCH_NS`].
 const SWITCH_PERIODS: u64 = 5;
-/// Time that a master adds to a transfer. Masters were seen to add 1 to 10 us; the plan uses the
+/// Time that a master adds to each transfer, ns. Measured masters add 1 to 10 us; the plan uses the
 /// longest.
 const MASTER_GAP_NS: u64 = 10_000;
-/// Fewest periods of the slowest sensor, behind its divider, in a conversion. Each of the two gates
-/// loses up to two and a half periods, and the stated uncertainty assumes the mean of the
-/// remainder: with 4 periods in a conversion it is up to 5 % too small, with 6 up to 2 %.
+/// Fewest periods of the divided sensor signal in a conversion, at the lowest sensor frequency.
+/// Each of the two gates loses up to two and a half of these periods, and the stated uncertainty
+/// assumes the mean loss: with 4 periods in a conversion it is up to 5 % too small, with 6 up to 2
+/// %.
 const LEAST_PERIODS: u64 = 6;
 
 /// The resonator on a channel, over its whole range of use.
@@ -58,9 +60,9 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// A sensor with only its frequency range known: assumes quality factor 50 and 5 kiloohm, which
-    /// flat coils of 8 to 25 mm diameter reach at 2 to 9 MHz (computed for this project's own
-    /// coils: 37 to 49). Calibrate the drive current on the board.
+    /// A sensor of which only the frequency range is known: assumes quality factor 50 and 5
+    /// kiloohm, which flat coils of 8 to 25 mm diameter reach at 2 to 9 MHz (computed for this
+    /// project's own coils: 37 to 49). Calibrate the drive current on the board.
     ///
     /// ```
     /// assert_eq!(ldc161x::Sensor::new(3_000_000, 4_000_000).highest_hz, 4_000_000);
@@ -91,17 +93,17 @@ impl Sensor {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rate {
-    /// At least this many frames per second, with conversions as long, and so as fine, as the rate
-    /// allows.
+    /// At least this many frames per second, with conversions as long as the rate allows, since
+    /// long conversions have the best resolution.
     PerSecond(u32),
-    /// As often as the bus can read frames and, between two frames, one register more for
+    /// As fast as the bus can read each frame and, after it, one more register for
     /// [`check_canary`](crate::Ldc161x::check_canary).
     AsTheBusAllows,
-    /// Conversions of this length on every channel.
+    /// Conversions with this RCOUNT on every channel.
     Conversion(Rcount),
 }
 
-/// Request from which a configuration is planned.
+/// A request, from which a configuration is planned.
 ///
 /// ```
 /// use ldc161x::{Acquisition, Channel, Model, Plan, Rate, ReferenceClock, Request, Sensor};
@@ -138,8 +140,8 @@ pub struct Request {
     pub bus_hz: u32,
     /// How registers are read.
     pub access: BusAccess,
-    /// Whether STATUS is read with each frame: this works on all chips, and is required on those
-    /// whose INTB only a read of STATUS releases. Determine it with
+    /// Whether STATUS is read with each frame: this works on all chips, and is required if only a
+    /// read of STATUS releases INTB. Determine that with
     /// [`probe_interrupt_release`](crate::Ldc161x::probe_interrupt_release).
     pub status_reads: bool,
     /// Whether every word is read twice; see [`set_read_twice`](crate::Ldc161x::set_read_twice).
@@ -149,8 +151,8 @@ pub struct Request {
 }
 
 impl Request {
-    /// A request with the same sensor on every channel, at the highest rate of a 400 kHz bus, with
-    /// STATUS read in each frame.
+    /// A request with the same sensor on every channel, at the highest rate that a bus of 400 kHz
+    /// allows, with STATUS read in each frame.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -185,7 +187,7 @@ impl Request {
         }
     }
 
-    /// Sets the rate.
+    /// Sets the frame rate.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -222,7 +224,7 @@ impl Request {
     ///
     /// # Errors
     ///
-    /// The first limit that the request breaks, with the figures on both sides of it.
+    /// The first limit that the request breaks, with the limiting and the requested figures.
     ///
     /// ```
     /// # use ldc161x::*;
@@ -304,7 +306,7 @@ impl Request {
             frame_period_ns: frame_period_ns(&configuration, self.reference.range_hz().1),
             advice,
         };
-        // Frames follow each other fastest at the fastest clock.
+        // The time between frames is shortest at the fastest clock.
         let shortest_ns = frame_period_ns(&configuration, self.reference.range_hz().2);
         if shortest_ns < plan.frame_read_ns {
             return Err(LimitError::BusTooSlow {
@@ -331,7 +333,8 @@ impl Request {
         Ok(())
     }
 
-    /// The smallest divider that brings the fastest clock within its limit.
+    /// The smallest FREF_DIVIDER with which the reference stays within its limit at the fastest
+    /// clock.
     const fn reference_divider(&self) -> Result<u16, LimitError> {
         let limit = match (self.acquisition, self.reference) {
             (Acquisition::Single(_), _) => SINGLE_REFERENCE_HZ,
@@ -340,7 +343,7 @@ impl Request {
         };
         let (slowest, _, fastest) = self.reference.range_hz();
         let smallest = at_least_one(fastest.div_ceil(limit) as u64) as u32;
-        // Settling has to fit a register of 16 bits: a slow sensor of high quality needs a slower
+        // SETTLECOUNT has 16 bits: a slow sensor with a high quality factor needs a slower
         // reference.
         let mut divider = smallest;
         let mut slowest_to_settle = Channel::Zero;
@@ -362,7 +365,8 @@ impl Request {
         Ok(divider as u16)
     }
 
-    /// The smallest FIN_DIVIDER that keeps the input below a quarter of the slowest reference.
+    /// The smallest FIN_DIVIDER with which the counter's input stays below a quarter of the slowest
+    /// reference.
     const fn dividers(
         &self,
         channel: Channel,
@@ -414,8 +418,8 @@ impl Request {
         Err(LimitError::SettleTooLong { channel })
     }
 
-    /// Sets RCOUNT of every channel: the same conversion time for all, so that the frame is as long
-    /// as the rate allows. `shortest` has the least RCOUNT, that of the channel `slowest`.
+    /// The RCOUNT of all channels: the longest conversion with which the frame still meets the
+    /// requested rate. `shortest` has the least RCOUNT, which its channel `slowest` needs.
     const fn rcount(
         &self,
         shortest: &Configuration,
@@ -435,7 +439,7 @@ impl Request {
             }
             Rate::PerSecond(0) => Err(LimitError::RateZero),
             Rate::PerSecond(rate) => {
-                // Frames are longest at the slowest clock, and still have to meet the rate.
+                // A frame takes longest at the slowest clock, and must meet the rate even then.
                 let (slowest_hz, _, _) = self.reference.range_hz();
                 let requested_period_ns = 1_000_000_000 / rate as u64;
                 let frame_period_ns = frame_period_ns(shortest, slowest_hz);
@@ -455,8 +459,8 @@ impl Request {
         }
     }
 
-    /// Highest frame rate per second that can be requested; 0 if the longest conversion is too
-    /// short for the bus.
+    /// Highest frame rate per second that can be requested; 0 if even with the longest conversions
+    /// frames end faster than the bus can read them.
     const fn most_per_second(&self, shortest: &Configuration) -> u32 {
         let mut configuration = *shortest;
         let rcount = self.rcount_beyond(shortest, self.frame_read_ns());
@@ -474,8 +478,8 @@ impl Request {
         let mut configuration = *shortest;
         let mut rcount = rcount_within(shortest, period_ns, fastest_hz);
         set_rcount(&mut configuration, rcount);
-        // Runs at most twice: the start value is the last one within the period, except for
-        // rounding.
+        // Runs at most twice: apart from rounding, the loop starts at the largest RCOUNT within the
+        // period.
         while frame_period_ns(&configuration, fastest_hz) < period_ns && rcount.get() < u16::MAX {
             rcount = match Rcount::new(rcount.get() + 1) {
                 Some(next) => next,
@@ -486,13 +490,13 @@ impl Request {
         rcount
     }
 
-    /// Time on the bus for one frame in nanoseconds, the master's own delay included.
+    /// Time on the bus for one frame in nanoseconds, including the master's own delay.
     const fn frame_read_ns(&self) -> u64 {
         let words = self.acquisition.channel_count() as u32 * (1 + self.read_twice as u32);
         self.read_ns(2 * words + self.status_reads as u32)
     }
 
-    /// Time on the bus for a number of registers in nanoseconds, the master's own delay included.
+    /// Time on the bus for a number of registers in nanoseconds, including the master's own delay.
     const fn read_ns(&self, registers: u32) -> u64 {
         let bits = self.access.bit_times(registers) as u64;
         (bits * 1_000_000_000).div_ceil(at_least_one(self.bus_hz as u64)) + MASTER_GAP_NS
@@ -508,7 +512,7 @@ const fn set_rcount(configuration: &mut Configuration, rcount: Rcount) {
     }
 }
 
-/// RCOUNT and divider of the reference, which all channels share.
+/// RCOUNT and FREF_DIVIDER, which are equal on all channels.
 const fn common(configuration: &Configuration) -> (Rcount, u16) {
     match configuration.acquisition.channel_at(0) {
         Some(first) => {
@@ -519,8 +523,8 @@ const fn common(configuration: &Configuration) -> (Rcount, u16) {
     }
 }
 
-/// Largest RCOUNT with which a frame at `clock_hz` takes at most `period_ns`. The frame of
-/// `shortest` has to fit.
+/// Largest RCOUNT with which a frame at `clock_hz` takes at most `period_ns`. With the RCOUNT of
+/// `shortest`, the frame must fit within that time.
 const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) -> Rcount {
     let (least, divider) = common(shortest);
     let least_ns = frame_period_ns(shortest, clock_hz);
@@ -535,7 +539,7 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
         Some(rcount) => rcount,
         None => least,
     };
-    // Because of rounding one more may fit.
+    // Because the computed RCOUNT is rounded down, one more may fit.
     if let Some(next) = Rcount::new(rcount.get().saturating_add(1)) {
         let mut configuration = *shortest;
         set_rcount(&mut configuration, next);
@@ -546,9 +550,9 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
     rcount
 }
 
-/// Least RCOUNT for [`LEAST_PERIODS`] of the sensor. Within the limits of clocks and sensors it is
-/// at most 41,250: 1 kHz, divided by 2 for its highest frequency, at the 55 MHz of the internal
-/// oscillator.
+/// Least RCOUNT with which a conversion contains [`LEAST_PERIODS`] of the sensor's lowest
+/// frequency. The largest that can occur is 41,250: a sensor of 1 kHz, divided by 2 because of its
+/// highest frequency, at the 55 MHz of the internal oscillator.
 const fn least_rcount(sensor: &Sensor, dividers: ClockDividers, clock_hz: u32) -> Rcount {
     let counted = LEAST_PERIODS * dividers.sensor() as u64 * clock_hz as u64;
     let lowest = 16 * dividers.reference() as u64 * sensor.lowest_hz as u64;
@@ -562,14 +566,15 @@ const fn least_rcount(sensor: &Sensor, dividers: ClockDividers, clock_hz: u32) -
     }
 }
 
-/// Returns the divisor, or 1 for 0, so that the compiler knows it is not zero. No zero arrives
-/// here, since clocks, bus and sensors are checked before; but a division that could panic would
-/// link the panic machinery into the program.
+/// Returns the divisor, or 1 for 0, so that the compiler can omit the check for zero: a division
+/// that could panic would link the panic machinery into the program. The divisor is never 0, since
+/// clocks, bus and sensors are checked before.
 const fn at_least_one(divisor: u64) -> u64 {
     if divisor == 0 { 1 } else { divisor }
 }
 
-/// Settling time in units of 16 clock periods before the divider: SETTLECOUNT times FREF_DIVIDER.
+/// Settling time of a sensor in units of 16 periods of the undivided clock: SETTLECOUNT times
+/// FREF_DIVIDER.
 const fn settle_periods(sensor: &Sensor, clock_hz: u32) -> u64 {
     let numerator = sensor.highest_quality_factor as u64 * clock_hz as u64;
     let lowest_hz = at_least_one(sensor.lowest_hz as u64);
@@ -604,8 +609,8 @@ const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), LimitErro
     Ok(())
 }
 
-/// The strongest drive below the clamp at the highest resistance; it has to keep the sensor
-/// oscillating at the lowest resistance.
+/// The strongest drive code with an amplitude below the clamp at the highest parallel resistance;
+/// an error if it does not keep the sensor oscillating at the lowest resistance.
 const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, LimitError> {
     let Some(drive) = DriveCode::strongest_below_clamp(sensor.highest_rp_ohm) else {
         return Err(LimitError::AmplitudeTooHigh {
@@ -623,8 +628,8 @@ const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, Limi
     Ok(drive)
 }
 
-/// Length of a frame in nanoseconds at `clock_hz`: with autoscan settling, conversion and switching
-/// of every channel; with one channel conversion and switching only.
+/// Time between frames in nanoseconds at `clock_hz`: with autoscan, settling, conversion and
+/// switching of every channel; with one channel, conversion and switching only.
 const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
     let mut total_ns = 0;
     let mut position = 0;
@@ -648,14 +653,14 @@ const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Advice {
-    /// The sensor may reach a third, a fifth or a seventh of the clock, where a weakly driven
-    /// oscillator can lock to it (application note SNOA945).
+    /// The sensor's frequency may be a third, a fifth or a seventh of the clock's, where a weakly
+    /// driven oscillator can lock to the clock (application note SNOA945).
     pub injection_lock: bool,
-    /// At its lowest resistance the sensor's amplitude is below 1.2 V: it works, but with more
-    /// noise and with the amplitude flag set.
+    /// At its lowest resistance the sensor's amplitude is below 1.2 V: the sensor works, but with
+    /// more noise and with the amplitude flag set.
     pub low_amplitude: bool,
-    /// The internal oscillator lies anywhere in 35 to 55 MHz: no absolute frequency without
-    /// calibration.
+    /// The internal oscillator's frequency is unknown within 35 to 55 MHz: measured frequencies are
+    /// not absolute without calibration.
     pub uncalibrated_clock: bool,
 }
 
@@ -685,17 +690,17 @@ impl Advice {
     }
 }
 
-/// A configuration within every limit, with its timing.
+/// A configuration that respects every limit, with its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Plan {
     /// Register values.
     pub configuration: Configuration,
-    /// Time between frames in nanoseconds at the nominal clock, with the switching time of
-    /// Equation 8. Sources differ about the true overhead: measure it from INTB.
+    /// Time between frames in nanoseconds at the nominal clock, with the switching time of Equation
+    /// 8. Sources differ about the true switching time: measure the time between frames at INTB.
     pub frame_period_ns: u64,
-    /// Time on the bus for each frame in nanoseconds, with 10 us for the master.
+    /// Time on the bus for each frame in nanoseconds, including 10 us for the master's own delay.
     pub frame_read_ns: u64,
     /// Properties that the user should know.
     pub advice: Advice,
@@ -715,7 +720,7 @@ impl Plan {
         1e9 / self.frame_period_ns as f32
     }
 
-    /// Share of the bus time that frames take, 0 to 1.
+    /// Fraction of the time for which frames occupy the bus, 0 to 1.
     ///
     /// ```
     /// # use ldc161x::*;

@@ -2,13 +2,13 @@
 //!
 //! The chip counts M sensor periods against N reference periods. Twenty of twenty words that users
 //! of LDC1612 boards posted decode this way, with N a little below 32 RCOUNT; a random word does so
-//! with a probability of about half a per cent. So every word of a converter without a checksum can
-//! be checked, and averages need no rounding: sum of M over sum of N.
+//! with a probability of about half a per cent. So words can be checked although the converter
+//! sends no checksum, and averages need no rounding: they are the sum of M over the sum of N.
 //!
-//! This is a hypothesis about the silicon, seen on the LDC1612 with one channel and the sensor
-//! undivided. It therefore feeds statistics and never rejects a reading by itself:
+//! This is a hypothesis about the silicon, based on the LDC1612 with one channel and an undivided
+//! sensor. It therefore only feeds statistics and never rejects a reading by itself:
 //! [`PlausibilityCount`] says whether the hypothesis holds for the chip in use. Words of sensors
-//! below 1/37 of the reference are not judged, since too little is known about their N.
+//! below 1/37 of the reference frequency are not judged, since too little is known about their N.
 
 use core::num::NonZeroU32;
 
@@ -17,28 +17,31 @@ use crate::{Code28, Rcount};
 /// Full scale of a conversion result, 2^28.
 const FULL_SCALE: u32 = 1 << 28;
 
-/// Smallest difference between 32 RCOUNT and N: the counter's start-up loses some reference
-/// periods. Posted words lie 16 and more below (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
+/// Smallest difference between 32 RCOUNT and N, reference periods that the counter's start-up
+/// loses. In posted words it is 16 and more (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
 const SMALLEST_DEFICIT: u32 = 10;
-/// Largest difference between 32 RCOUNT and N for sensors of up to 3.8 reference periods: posted
-/// words lie up to 28 below (12 MHz, 14 words); 2 are a margin.
+/// Largest difference between 32 RCOUNT and N for sensors of up to 3.8 reference periods. In posted
+/// words it is up to 28 (12 MHz, 14 words); 30 leaves a margin of 2.
 const LARGEST_DEFICIT: u32 = 30;
-/// Largest difference for slower sensors, as a constant and a factor of the sensor's period p. Each
-/// of the two gates waits for an edge at its start and ends at the last edge before its end: at
-/// most 2 p each. The variable part of the start-up takes about p / 2 each (posted words: 42 lost
-/// at p = 9.15, 28 at 3.77). 11 is the constant part, 8, with the rounding of four edges and a
-/// margin of 1.
+/// Largest difference between 32 RCOUNT and N for slower sensors: a constant plus a factor of the
+/// sensor's period p. Each of the two gates waits for an edge at its start and ends at the last
+/// edge before its end, which loses at most 2 p per gate. The variable part of the start-up takes
+/// about p / 2 per gate (posted words: 42 reference periods lost at p = 9.15, 28 at 3.77). The
+/// constant 11 consists of the start-up's constant part, 8, the rounding of four edges and a margin
+/// of 1.
 const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
-/// Largest difference that is searched. It bounds the time of the search and its false-accept rate.
-/// The window of a sensor slower than 1/37 of the reference is wider: its words are not judged.
+/// Largest difference between 32 RCOUNT and N that is searched. It limits the duration of the
+/// search and the probability that a random word passes. A sensor slower than 1/37 of the reference
+/// may differ more, so its words are not judged.
 const SEARCH_LIMIT: u32 = 200;
 
-/// Mean loss out of 32 RCOUNT, in reference periods and in sensor periods: half a period of
-/// start-up, half a period of waiting for the first edge and half a period after the last one, in
-/// each of two gates. Posted words: 20 lost at p = 3.77, 37 at 9.15.
+/// Mean difference between 32 RCOUNT and N: a number of reference periods plus a number of sensor
+/// periods. In each of the two gates half a sensor period is lost for start-up, half a period until
+/// the first edge, and half a period after the last one. Posted words: 20 reference periods lost at
+/// p = 3.77, 37 at 9.15.
 const MEAN_DEFICIT: (u32, u32) = (8, 3);
 
-/// Mean N of such words, at least one sensor period.
+/// Mean N of words of this size, but at least one sensor period.
 pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
     let (constant, periods) = MEAN_DEFICIT;
     let deficit = constant + periods * FULL_SCALE / word;
@@ -60,9 +63,9 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a word: from 32 RCOUNT - 10 down to 32 RCOUNT - 30, or to 32 RCOUNT - (11 + 5
-    /// p) if that is less, with p = 2^28 / DATA, the sensor's period in reference periods; at most
-    /// 200 below, and at most half.
+    /// The window of a word. The largest N is 32 RCOUNT - 10. The smallest is 32 RCOUNT - 30 or, if
+    /// that is less, 32 RCOUNT - (11 + 5 p), where p = 2^28 / DATA is the sensor's period in
+    /// reference periods; but at most 200, and at most half, below 32 RCOUNT.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Window};
@@ -91,7 +94,7 @@ impl Window {
     }
 }
 
-/// Largest difference between 32 RCOUNT and N.
+/// Largest possible difference between 32 RCOUNT and N for a word.
 const fn largest_deficit(code: Code28) -> u32 {
     let code = if code.get() == 0 { 1 } else { code.get() };
     let (constant, periods) = LARGEST_DEFICIT_PERIODS;
@@ -103,7 +106,7 @@ const fn largest_deficit(code: Code28) -> u32 {
     }
 }
 
-/// Largest difference below 32 RCOUNT that the search covers.
+/// Largest difference between 32 RCOUNT and N that is searched for an RCOUNT.
 const fn largest_searched(rcount: Rcount) -> u32 {
     let half = rcount.reference_periods();
     if half < SEARCH_LIMIT {
@@ -113,7 +116,7 @@ const fn largest_searched(rcount: Rcount) -> u32 {
     }
 }
 
-/// A word read as a ratio of counts.
+/// A word decoded as a ratio of counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -124,20 +127,21 @@ pub struct Rational {
     pub n: u32,
     /// DATA - 2^28 M / N, in units of the last bit of the word.
     pub residual_lsb: f32,
-    /// Whether rounding alone explains the residual, |residual| <= 0.5. `None` if the sensor is
-    /// slower than 1/37 of the reference, so that N may lie outside the [`Window`], or if the word
-    /// is at an end of its range and so is a limit and no result.
+    /// Whether rounding alone explains the residual: |residual| <= 0.5. `None` if the word is not
+    /// judged: its sensor is slower than 1/37 of the reference, so that N may lie outside the
+    /// [`Window`], or the word is at an end of its range, where it is a limit and not a result.
     pub plausible: Option<bool>,
-    /// Probability that a random word of this size passes as plausible: about window x N / 2^28,
-    /// 0.4 % at RCOUNT 1512, near 1 at 65,535. The smaller it is, the more a verdict is worth.
+    /// Probability that a random word of this size is plausible: about the window's count x N /
+    /// 2^28, which is 0.4 % at RCOUNT 1512 and nearly 1 at 65,535. The smaller it is, the more
+    /// `plausible` is worth.
     pub false_accept: f32,
 }
 
 impl Rational {
     /// The ratio closest to `code`, with N within [`Window::of`].
     ///
-    /// Needs no division per candidate: DATA x N modulo 2^28 advances by DATA from one N to
-    /// the next, and its distance from a multiple of 2^28 is the residual times N.
+    /// Needs no division per candidate: DATA x N modulo 2^28 advances by DATA from one N to the
+    /// next, and its distance from the nearest multiple of 2^28 is the residual times N.
     ///
     /// ```
     /// use ldc161x::{Code28, Rational, Rcount};
@@ -165,7 +169,7 @@ impl Rational {
         let n = nearest;
         let product = u64::from(data) * u64::from(n);
         let m = (product + u64::from(FULL_SCALE / 2)) / u64::from(FULL_SCALE);
-        // The lower end, 0, stands for a slower sensor than any that is judged.
+        // The word 0, the lower end of the range, corresponds to a sensor too slow to be judged.
         let is_judged =
             code != Code28::OVER_RANGE && largest_deficit(code) <= largest_searched(rcount);
         Self {
@@ -192,10 +196,10 @@ fn false_accept(window: Window) -> f32 {
     (window.count() as f32 * middle / FULL_SCALE as f32).min(1.0)
 }
 
-/// Exact average of words: sum of M over sum of N, without intermediate rounding.
+/// Exact average of words: the sum of M over the sum of N, without intermediate rounding.
 ///
-/// A mean of words weights each implicitly by its length and carries the rounding of each; the
-/// ratio of sums is the count of one conversion over all the gates together.
+/// The mean of words would include the rounding of each word and weight all of them equally; the
+/// ratio of sums is the count of one conversion that consists of all the gates together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -248,30 +252,32 @@ impl RatioOfSums {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Hypothesis {
-    /// Too few words, or conversions so long that most random words would fit too.
+    /// Too few words, or conversions so long that most random words would be plausible too.
     Undecided,
-    /// The words fit far more often than chance: an implausible word is a corrupt word.
+    /// The words are plausible far more often than random words: an implausible word is a corrupt
+    /// word.
     Holds,
-    /// The words fit no more often than by chance: the verdicts mean nothing on this chip.
+    /// The words are plausible no more often than random words: verdicts are meaningless on this
+    /// chip.
     Fails,
 }
 
-/// Counts verdicts and compares them with the number expected by chance. Words that are not judged
-/// do not count.
+/// Counts plausible words, and compares their number with that expected of random words. Words that
+/// are not judged do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlausibilityCount {
-    /// Words judged.
+    /// Number of words judged.
     pub words: u32,
-    /// Words found plausible.
+    /// Number of words found plausible.
     pub plausible: u32,
-    /// Expected number of plausible words if all were random.
+    /// Expected number of plausible words if all words were random.
     pub expected_by_chance: f32,
 }
 
 impl PlausibilityCount {
-    /// Adds one verdict.
+    /// Adds the verdict on one word.
     ///
     /// ```
     /// use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount};
@@ -294,8 +300,9 @@ impl PlausibilityCount {
 
     /// Whether the words of this chip are ratios of counts.
     ///
-    /// `Holds` if at least nine in ten fit and fewer than half would fit by chance; `Fails` if
-    /// fewer than half of at least eight fit, whatever the number expected by chance.
+    /// `Holds` if at least nine in ten words are plausible and fewer than half would be by chance;
+    /// `Fails` if there are at least eight words and fewer than half of them are plausible,
+    /// whatever the number expected by chance.
     ///
     /// ```
     /// use ldc161x::{Hypothesis, PlausibilityCount};

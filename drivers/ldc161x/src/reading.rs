@@ -2,20 +2,19 @@
 
 use crate::{Acquisition, Channel, Status};
 
-/// A 28-bit conversion result. Keep it an integer until differences are taken: an `f32` holds
-/// 24 bits.
+/// A 28-bit conversion result. Compute differences in integers: an `f32` holds only 24 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Code28(u32);
 
 impl Code28 {
-    /// Under range, or a chip that has not converted: datasheet Table 37, note 3.
+    /// Result below the range, or of a chip that has not converted (datasheet Table 37, note 3).
     pub const UNDER_RANGE: Self = Self(0);
-    /// Over range: datasheet Table 37, note 4.
+    /// Result above the range (datasheet Table 37, note 4).
     pub const OVER_RANGE: Self = Self(0x0FFF_FFFF);
 
-    /// A code below 2^28.
+    /// Creates a code from a number below 2^28.
     ///
     /// ```
     /// use ldc161x::Code28;
@@ -51,8 +50,8 @@ impl Code28 {
     }
 }
 
-/// The four error flags in a conversion result (datasheet Table 1). They are data: the code beside
-/// them is always kept. Reading the word clears them in the chip.
+/// The four error flags in a conversion result (datasheet Table 1). They do not suppress the code,
+/// which is always kept. Reading the word clears the flags in the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -85,7 +84,7 @@ impl Flags {
 pub struct Word(u32);
 
 impl Word {
-    /// From the two registers.
+    /// Creates a word from DATAx_MSB and DATAx_LSB.
     ///
     /// ```
     /// use ldc161x::Word;
@@ -97,7 +96,7 @@ impl Word {
         Self((msb as u32) << 16 | lsb as u32)
     }
 
-    /// From all 32 bits.
+    /// Creates a word from all 32 bits.
     ///
     /// ```
     /// assert!(ldc161x::Word::from_bits(0x4FFF_FFFF).flags().over_range);
@@ -139,17 +138,18 @@ impl Word {
     }
 }
 
-/// Whether a result is new. Only STATUS reports it; a frame read on an INTB edge is always new.
+/// Whether a result is new. Only STATUS reports it; a frame that is read at an edge of INTB is
+/// always new.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Freshness {
-    /// STATUS was not read.
+    /// Unknown: STATUS was not read.
     #[default]
     NotAsked,
     /// STATUS showed an unread result.
     New,
-    /// STATUS showed no unread result: it was read before, and its flags are gone.
+    /// STATUS showed no unread result: this one was read before, and its flags have been cleared.
     Repeated,
 }
 
@@ -159,13 +159,14 @@ pub enum Freshness {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Quality {
-    /// No objection. Whether the sensor is within its planned range is a separate question:
+    /// No objection. Whether the sensor is within its planned range is checked separately, by
     /// [`Sensor::covers`](crate::Sensor::covers).
     Good,
-    /// Read after a gap (start, recovery, bus error): an earlier, failed read may have cleared its
-    /// flags, and a channel that has not converted since still returns its old result.
+    /// Read after a gap (start, recovery, bus error). An earlier, failed read may have cleared the
+    /// flags of this result, and a channel that has not converted since the gap still returns its
+    /// old result.
     AfterGap,
-    /// Amplitude flag: below 1.2 V noisier, above 1.8 V shifted by the ESD clamp.
+    /// Amplitude flag: below 1.2 V the result is noisier, above 1.8 V the ESD clamp shifts it.
     Amplitude,
     /// Watchdog flag: the code is meaningless.
     Watchdog,
@@ -173,13 +174,13 @@ pub enum Quality {
     UnderRange,
     /// Code 2^28 - 1 or the over-range flag: the sensor is faster than the reference.
     OverRange,
-    /// The input is at or above a quarter of the reference, outside the datasheet's limit
-    /// (Table 43). Posted words of boards that run this way (0.266 of the reference) are still
-    /// ratios of counts.
+    /// The counter's input is at or above a quarter of the reference frequency, outside the
+    /// datasheet's limit (Table 43). Posted words of boards that run this way (0.266 of the
+    /// reference) are still ratios of counts.
     AboveQuarterReference,
-    /// STATUS showed no unread result.
+    /// STATUS showed no unread result: this one was read before.
     Repeated,
-    /// The two reads of the word differ.
+    /// The two reads of the word returned different codes.
     Differs,
 }
 
@@ -192,19 +193,19 @@ pub struct Reading {
     pub channel: Channel,
     /// Flags and code as read.
     pub word: Word,
-    /// Frequency of the sensor in hertz (see [`Scale`](crate::Scale)), whatever the flags. An
-    /// `f64`, because an `f32` has steps of 0.25 Hz at 3 MHz, as large as the noise of a long
-    /// conversion.
+    /// Frequency of the sensor in hertz (see [`Scale`](crate::Scale)), computed whatever the flags
+    /// are. It is an `f64`, because an `f32` has steps of 0.25 Hz at 3 MHz, as large as the noise
+    /// of a long conversion.
     pub frequency_hz: f64,
     /// Standard uncertainty of `frequency_hz` in hertz from quantisation and white noise, without
     /// the error of the reference clock.
     pub sigma_hz: f32,
-    /// Whether the counter's input was at or above a quarter of the reference, beyond the limit
-    /// of the datasheet's Table 43.
+    /// Whether the counter's input was at or above a quarter of the reference frequency, beyond the
+    /// limit of the datasheet's Table 43.
     pub above_quarter_reference: bool,
     /// Whether the result is new.
     pub freshness: Freshness,
-    /// With double reading: whether both reads returned the same code.
+    /// Whether both reads returned the same code; `None` unless every word is read twice.
     pub agrees: Option<bool>,
     /// Whether the frame follows a gap.
     pub after_gap: bool,
@@ -223,7 +224,7 @@ impl Reading {
         after_gap: false,
     };
 
-    /// The verdict on this reading; with several objections the gravest.
+    /// The verdict on this reading; if there are several objections, the gravest.
     ///
     /// ```
     /// use ldc161x::{Quality, Reading, Word};
@@ -253,10 +254,10 @@ impl Reading {
         }
     }
 
-    /// Whether there is no objection to the reading. A sensor far outside of its planned range may
-    /// also give such readings: they are true frequencies as long as it oscillates below the limit
-    /// of the deglitch filter, but settle count and drive current were planned for another range
-    /// ([`Sensor::covers`](crate::Sensor::covers)).
+    /// Whether there is no objection to the reading. This may also be true of a sensor far outside
+    /// its planned range: its readings are true frequencies as long as it oscillates below the
+    /// limit of the deglitch filter, but settle count and drive current were planned for another
+    /// range ([`Sensor::covers`](crate::Sensor::covers)).
     ///
     /// ```
     /// use ldc161x::{Reading, Word};
@@ -273,24 +274,24 @@ impl Reading {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Marks {
-    /// Conversions may be missing: start, recovery, or a bus error.
+    /// Conversions may be missing before this frame, because of a start, a recovery or a bus error.
     pub gap: bool,
-    /// The drive current was changed: the code has stepped with it (datasheet 8.1.5.4).
+    /// The drive current has changed, which shifts the code (datasheet 8.1.5.4).
     pub drive_step: bool,
 }
 
-/// One result of every active channel.
+/// One result for every active channel.
 ///
-/// With autoscan the channels were converted one after the other, never at the same instant.
+/// With autoscan, the channels are converted one after the other, never at the same instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
     /// Number of the frame since the driver was created; wraps.
     pub number: u32,
-    /// Events before this frame.
+    /// Events between the previous frame and this one.
     pub marks: Marks,
-    /// STATUS, if it was read.
+    /// The value of STATUS, if STATUS was read.
     pub status: Option<Status>,
     readings: [Reading; 4],
     count: u8,
@@ -307,7 +308,7 @@ impl Frame {
         }
     }
 
-    /// Adds a reading; drops a fifth one, since the chip has four channels.
+    /// Adds a reading. The chip has four channels: a fifth reading is dropped.
     pub(crate) fn push(&mut self, reading: Reading) {
         if let Some(slot) = self.readings.get_mut(usize::from(self.count)) {
             *slot = reading;

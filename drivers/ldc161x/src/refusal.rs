@@ -20,61 +20,61 @@ pub enum LimitError {
     },
     /// The I2C clock is outside 10 to 400 kHz.
     BusClock {
-        /// As requested, in hertz.
+        /// Requested I2C clock, Hz.
         hz: u32,
     },
     /// CLKIN is outside 2 to 40 MHz.
     Clkin {
-        /// As requested, in hertz.
+        /// Requested CLKIN, Hz.
         hz: u32,
     },
     /// The sensor is outside 1 kHz to 10 MHz, or its lowest frequency is above its highest.
     SensorFrequency {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
-        /// As requested, in hertz.
+        /// Requested lowest frequency, Hz.
         lowest_hz: u32,
-        /// As requested, in hertz.
+        /// Requested highest frequency, Hz.
         highest_hz: u32,
     },
     /// The parallel resistance is outside 1 to 100 kiloohm, or its lowest value is above its
     /// highest.
     ParallelResistance {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
-        /// As requested, in ohm.
+        /// Requested lowest resistance, ohm.
         lowest_rp_ohm: u32,
-        /// As requested, in ohm.
+        /// Requested highest resistance, ohm.
         highest_rp_ohm: u32,
     },
-    /// No sensor divider brings the input below a quarter of the reference.
+    /// No FIN_DIVIDER brings the counter's input below a quarter of the reference frequency.
     ReferenceTooSlow {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
         /// Highest sensor frequency, in hertz.
         sensor_hz: u32,
         /// Lowest reference frequency, in hertz.
         reference_hz: u32,
     },
-    /// The settling time that the quality factor needs exceeds SETTLECOUNT.
+    /// The settling time that the quality factor requires exceeds the range of SETTLECOUNT.
     SettleTooLong {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
     },
     /// Even the weakest drive current drives the sensor above 1.8 V.
     AmplitudeTooHigh {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
-        /// As requested, in ohm.
+        /// Requested highest resistance, ohm.
         highest_rp_ohm: u32,
     },
-    /// No single drive current keeps the amplitude between 0.6 and 1.8 V over the range.
+    /// No drive current keeps the amplitude between 0.6 and 1.8 V over the range of resistance.
     ResistanceRange {
-        /// Its channel.
+        /// Channel of the sensor.
         channel: Channel,
-        /// As requested, in ohm.
+        /// Requested lowest resistance, ohm.
         lowest_rp_ohm: u32,
-        /// As requested, in ohm.
+        /// Requested highest resistance, ohm.
         highest_rp_ohm: u32,
     },
     /// The requested rate is zero.
@@ -95,12 +95,12 @@ pub enum LimitError {
         channel: Channel,
         /// Requested RCOUNT.
         rcount: Rcount,
-        /// Least sufficient RCOUNT.
+        /// Least RCOUNT with enough sensor periods.
         least: Rcount,
     },
     /// Frames end sooner than the bus can read them, so results would be overwritten unread.
     BusTooSlow {
-        /// Frame period at the fastest clock, in nanoseconds.
+        /// Time between frames at the fastest clock, in nanoseconds.
         frame_period_ns: u64,
         /// Time on the bus per frame, in nanoseconds.
         frame_read_ns: u64,
@@ -110,7 +110,7 @@ pub enum LimitError {
 }
 
 impl LimitError {
-    /// The limit and its source.
+    /// The limit that is broken, with its source.
     ///
     /// ```
     /// let refusal = ldc161x::LimitError::Clkin { hz: 50_000_000 };
@@ -141,7 +141,7 @@ impl LimitError {
         }
     }
 
-    /// The remedy.
+    /// The remedy: how to change the request.
     ///
     /// ```
     /// assert!(ldc161x::LimitError::RateZero.remedy().starts_with("ask"));

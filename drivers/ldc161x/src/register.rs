@@ -1,7 +1,7 @@
 //! Register file: addresses, and one typed value for each writable register.
 //!
-//! The types contain the fields only. Only `to_bits` adds the reserved bits, so that they cannot be
-//! set wrong; `from_bits` rejects a word whose reserved bits differ from the datasheet's.
+//! The types contain the fields only. `to_bits` adds the reserved bits, so that they cannot be set
+//! wrong; `from_bits` rejects a word whose reserved bits differ from the datasheet's.
 
 use core::fmt;
 
@@ -18,7 +18,7 @@ pub enum Register {
     DataLsb(Channel),
     /// RCOUNTx: length of the conversion (7.6.10).
     Rcount(Channel),
-    /// OFFSETx: frequency subtracted from the result (7.6.14).
+    /// OFFSETx: value subtracted from the result (7.6.14).
     Offset(Channel),
     /// SETTLECOUNTx: time for the oscillation to build up (7.6.18).
     SettleCount(Channel),
@@ -68,8 +68,9 @@ impl Register {
         }
     }
 
-    /// Bits that a read-back must reproduce: all but the reserved bits of CONFIG and the read-only
-    /// field of DRIVE_CURRENTx, which the chip updates by itself (INIT_IDRIVEx, bits 10 to 6).
+    /// Bits that a read-back must reproduce: all but the reserved bits of CONFIG and, in
+    /// DRIVE_CURRENTx, the read-only field INIT_IDRIVEx (bits 10 to 6), which the chip updates by
+    /// itself.
     pub(crate) const fn readback_mask(self) -> u16 {
         match self {
             Self::DriveCurrent(_) => !(0x1F << 6),
@@ -100,7 +101,7 @@ impl Rcount {
     /// Longest conversion, and best resolution.
     pub const MAX: Self = Self(0xFFFF);
 
-    /// A reference count of 9 to 65,535.
+    /// Creates an RCOUNT of 9 to 65,535.
     ///
     /// ```
     /// use ldc161x::Rcount;
@@ -125,8 +126,8 @@ impl Rcount {
     }
 
     /// Reference periods in one conversion, 16 RCOUNT (datasheet Table 39). Equation 7 of the same
-    /// datasheet adds 4, a measurement found 11: see [`Plan`](crate::Plan) for the value that the
-    /// planner uses.
+    /// datasheet adds 4, a measurement found 11 more: see [`Plan`](crate::Plan) for the value that
+    /// the planner uses.
     ///
     /// ```
     /// assert_eq!(ldc161x::Rcount::MAX.reference_periods(), 1_048_560);
@@ -143,10 +144,10 @@ impl Rcount {
 pub struct SettleCount(u16);
 
 impl SettleCount {
-    /// Shortest wait that Table 43 of the datasheet allows ("> 3").
+    /// Shortest wait that the datasheet allows: "> 3" (Table 43).
     pub const MIN: Self = Self(4);
 
-    /// A settle count of 4 to 65,535.
+    /// Creates a settle count of 4 to 65,535.
     ///
     /// ```
     /// use ldc161x::SettleCount;
@@ -170,7 +171,7 @@ impl SettleCount {
         self.0
     }
 
-    /// Reference periods of the wait, 16 SETTLECOUNT (datasheet Equation 9).
+    /// Reference periods of the wait before a conversion, 16 SETTLECOUNT (datasheet Equation 9).
     ///
     /// ```
     /// assert_eq!(ldc161x::SettleCount::MIN.reference_periods(), 64);
@@ -180,8 +181,8 @@ impl SettleCount {
     }
 }
 
-/// CLOCK_DIVIDERSx. The reset value, zero in both fields, is illegal: the register has to be
-/// written before the first conversion.
+/// CLOCK_DIVIDERSx. Its reset value, zero in both fields, is invalid: the register must be written
+/// before the first conversion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -197,7 +198,8 @@ impl ClockDividers {
         reference: 1,
     };
 
-    /// The dividers: `sensor` is FIN_DIVIDER, 1 to 15; `reference` is FREF_DIVIDER, 1 to 1023.
+    /// Creates the dividers: `sensor` is FIN_DIVIDER, 1 to 15; `reference` is FREF_DIVIDER, 1 to
+    /// 1023.
     ///
     /// ```
     /// use ldc161x::ClockDividers;
@@ -255,15 +257,15 @@ impl ClockDividers {
     }
 }
 
-/// Value of STATUS (datasheet Table 25). It is sticky; reading it clears it, releases INTB and,
-/// according to application note SNOA959, also clears the unread marks.
+/// Value of STATUS (datasheet Table 25). Its flags are kept until it is read: that clears it,
+/// releases INTB and, according to application note SNOA959, also clears the UNREADCONVx bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Status(u16);
 
 impl Status {
-    /// The status of a register word. Every word is valid.
+    /// Creates a status from a register word. Every word is valid.
     ///
     /// ```
     /// use ldc161x::{Channel, Status};
@@ -289,8 +291,8 @@ impl Status {
         self.0 >> position & 1 == 1
     }
 
-    /// The channel of the first error since the last read; later errors are lost. `None` if no
-    /// error is reported.
+    /// The channel of the first error since the last read of STATUS; later errors on other channels
+    /// are lost. `None` if no error is reported.
     ///
     /// ```
     /// assert_eq!(ldc161x::Status::default().error_channel(), None);
@@ -312,7 +314,7 @@ impl Status {
         self.0 & 0x3F00 != 0
     }
 
-    /// ERR_UR: the result would have been negative (OFFSET too large).
+    /// ERR_UR: the result would have been negative (OFFSETx is too large).
     ///
     /// ```
     /// assert!(ldc161x::Status::from_bits(1 << 13).under_range());
@@ -382,7 +384,7 @@ impl Status {
     /// assert!(Status::from_bits(1).unread(Channel::Three));
     /// ```
     pub const fn unread(self, channel: Channel) -> bool {
-        // The bits are in reversed order: channel 0 in bit 3.
+        // The order is reversed: the bit of channel 0 is bit 3.
         self.bit(3 - channel.number())
     }
 }
@@ -419,7 +421,7 @@ pub struct ErrorConfig {
 }
 
 impl ErrorConfig {
-    /// Every error in the data word, data ready on INTB. Errors do not raise INTB, so each edge
+    /// Every error is reported in the data word, and only data ready on INTB: each edge of INTB
     /// means one finished frame.
     pub const DATA_READY: Self = Self {
         under_range_to_data: true,
@@ -436,8 +438,8 @@ impl ErrorConfig {
         data_ready_to_interrupt: true,
     };
 
-    /// Every event everywhere: [`Status`] then also distinguishes a high amplitude from a low one,
-    /// and reports a zero count.
+    /// Every event is reported wherever possible: [`Status`] then also distinguishes a high
+    /// amplitude from a low one, and reports a zero count.
     pub const EVERYTHING: Self = Self {
         under_range_to_interrupt: true,
         over_range_to_interrupt: true,
@@ -503,20 +505,20 @@ impl ErrorConfig {
 pub struct Config {
     /// ACTIVE_CHAN: the channel converted when autoscan is off.
     pub active_channel: Channel,
-    /// SLEEP_MODE_EN: no conversions; the registers may be written.
+    /// SLEEP_MODE_EN: the chip sleeps, so its registers may be written.
     pub sleep: bool,
-    /// RP_OVERRIDE_EN: drive the sensor with the programmed current.
+    /// RP_OVERRIDE_EN: the sensor is driven with the programmed current.
     pub fixed_drive: bool,
-    /// SENSOR_ACTIVATE_SEL: start the sensor with the programmed current instead of the
+    /// SENSOR_ACTIVATE_SEL: the sensor is activated with the programmed current instead of the
     /// strongest one.
     pub low_power_activation: bool,
-    /// AUTO_AMP_DIS: no correction of the drive current between conversions.
+    /// AUTO_AMP_DIS: the drive current is not corrected between conversions.
     pub amplitude_correction_off: bool,
-    /// REF_CLK_SRC: reference from CLKIN instead of the internal oscillator.
+    /// REF_CLK_SRC: the reference is CLKIN instead of the internal oscillator.
     pub external_reference: bool,
-    /// INTB_DIS: keep INTB high.
+    /// INTB_DIS: INTB stays high.
     pub interrupt_off: bool,
-    /// HIGH_CURRENT_DRV: more than 1.5 mA into channel 0; with autoscan off only.
+    /// HIGH_CURRENT_DRV: channel 0 is driven with more than 1.5 mA; allowed with autoscan off only.
     pub high_current_drive: bool,
 }
 
@@ -577,7 +579,8 @@ impl Config {
     }
 }
 
-/// MUX_CONFIG.DEGLITCH: bandwidth of the input filter. Choose the lowest above the fastest sensor.
+/// MUX_CONFIG.DEGLITCH: bandwidth of the input filter. Choose the lowest one above the highest
+/// sensor frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -662,7 +665,7 @@ impl MuxConfig {
         deglitch: Deglitch::Mhz33,
     };
 
-    /// MUX_CONFIG for an acquisition with the fastest sensor at `highest_sensor_hz`.
+    /// MUX_CONFIG for an acquisition whose highest sensor frequency is `highest_sensor_hz`.
     ///
     /// ```
     /// use ldc161x::{Acquisition, MuxConfig, Sequence};
@@ -718,19 +721,20 @@ impl MuxConfig {
     }
 }
 
-/// DRIVE_CURRENTx as read: the programmed code, and the code that the chip determined.
+/// DRIVE_CURRENTx as read: the programmed drive code, and the code that the chip's calibration
+/// found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DriveCurrent {
-    /// IDRIVEx: the current in use while `fixed_drive` is set in CONFIG.
+    /// IDRIVEx: the code in use while RP_OVERRIDE_EN is set in CONFIG.
     pub drive: DriveCode,
-    /// INIT_IDRIVEx: result of the amplitude calibration.
+    /// INIT_IDRIVEx: the code that the chip's amplitude calibration found.
     pub calibrated: DriveCode,
 }
 
 impl DriveCurrent {
-    /// The drive currents of a register word.
+    /// Creates both drive codes from a register word.
     ///
     /// ```
     /// use ldc161x::{DriveCode, DriveCurrent};

@@ -9,14 +9,16 @@ use crate::{ClockDividers, Code28, Rational, Rcount, rational::mean_reference_pe
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Noise {
-    /// White noise of the sensor's frequency: relative standard deviation of its mean over 1 ms. It
-    /// falls with the square root of the conversion time. The noise that users of LDC1612 boards
-    /// measure at 12 MHz and 250 samples/s is quantisation to within the scatter of their figures,
-    /// so zero is right for short conversions; long ones need the board's own figure.
+    /// White noise of the sensor's frequency: relative standard deviation of its mean over 1 ms.
+    /// The noise is inversely proportional to the square root of the conversion time. Users of
+    /// LDC1612 boards measure noise at 12 MHz and 250 samples/s that quantisation explains within
+    /// the scatter of their figures: zero is right for short conversions, but long ones need the
+    /// board's own figure.
     pub white_relative_in_1_ms: f32,
-    /// Delay of the comparator's falling edge after the rising one, as a share of the sensor's
-    /// period, 0 to 1. If known, quantisation is stated for the actual phase, otherwise its mean
-    /// over all phases. No source gives it; posted words fit 0.15 to 0.4 equally well.
+    /// Delay of the comparator's falling edge after the rising one, as a fraction of the sensor's
+    /// period, 0 to 1. If it is known, the stated quantisation error is that for the reading's
+    /// frequency, otherwise the mean over all phases. No source states the delay; posted words fit
+    /// 0.15 to 0.4 equally well.
     pub comparator_duty: Option<f32>,
 }
 
@@ -25,7 +27,7 @@ pub struct Noise {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Scale {
-    /// Clock before its divider, CLKIN or the internal oscillator, in hertz.
+    /// Frequency of CLKIN or of the internal oscillator, before FREF_DIVIDER, in hertz.
     pub clock_hz: f64,
     /// Dividers of sensor and reference.
     pub dividers: ClockDividers,
@@ -38,7 +40,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A scale with both dividers 1, no offset, and no noise beyond quantisation.
+    /// Creates a scale with both dividers 1, no offset, and no noise except quantisation.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -59,23 +61,23 @@ impl Scale {
         }
     }
 
-    /// fREF in hertz: the clock behind FREF_DIVIDER.
+    /// Reference frequency fREF in hertz: the clock divided by FREF_DIVIDER.
     ///
     /// ```
     /// use ldc161x::{Rcount, Scale};
     /// assert_eq!(Scale::undivided(40e6, Rcount::MIN).reference_hz(), 40e6);
     /// ```
     pub fn reference_hz(&self) -> f64 {
-        // The commonest divider needs no division: a core without a hardware divider takes
-        // microseconds for it.
+        // A divider of 1, the most common one, needs no division, which takes microseconds on a
+        // core without a hardware divider.
         match self.dividers.reference() {
             1 => self.clock_hz,
             divider => self.clock_hz / f64::from(divider),
         }
     }
 
-    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this time
-    /// before the conversion's end, so its time stamp lies half of it earlier.
+    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this time:
+    /// it belongs to the middle, half this length before the conversion's end.
     ///
     /// ```
     /// use ldc161x::{Rcount, Scale};
@@ -99,7 +101,7 @@ impl Scale {
         f64::from(self.whole(code)) * self.hz_per_lsb()
     }
 
-    /// The code with OFFSETx added back, which may exceed 28 bits.
+    /// The code with OFFSETx added back; it may exceed 28 bits.
     pub(crate) fn whole(&self, code: Code28) -> u32 {
         code.get() + (u32::from(self.offset) << 12)
     }
@@ -119,7 +121,8 @@ impl Scale {
         }
     }
 
-    /// Whether the counter's input is at or above fREF / 4, beyond the datasheet's Table 43.
+    /// Whether the counter's input is at or above fREF / 4, beyond the limit of the datasheet's
+    /// Table 43.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -142,41 +145,44 @@ impl Scale {
         Rational::decode(self.counted(code), self.rcount)
     }
 
-    /// The code before OFFSETx was subtracted, at most full scale.
+    /// The code as counted, before OFFSETx was subtracted; at most full scale.
     fn counted(&self, code: Code28) -> Code28 {
         Code28::new(self.whole(code)).unwrap_or(Code28::OVER_RANGE)
     }
 
-    /// Relative standard uncertainty of one conversion: quantisation, rounding of the word and white
-    /// noise.
+    /// Relative standard uncertainty of one conversion, from quantisation, rounding of the word and
+    /// white noise.
     ///
-    /// Quantisation: the counter times sensor periods between two edges, once from rising edges and
-    /// once from falling ones, each to a whole reference period, and adds the two counts. Each of
-    /// the four edges is late by a uniform part of a reference period. The first edges of the two
-    /// gates are a fixed time apart, and so are the last, so their errors are correlated: the sum
-    /// of two such errors at a distance of x reference periods has the variance V(x) = 1/3 - h
-    /// (1 - h), h the fraction of x. With p reference periods in a sensor period and the falling
-    /// edge at the share d of it, the distance is d p or (1 - d) p, depending on which edge comes
-    /// first in the gate, and
+    /// Quantisation: the counter measures sensor periods between two edges, once from rising edges
+    /// and once from falling ones, each to a whole reference period, and adds the two counts. Each
+    /// of the four edges is detected late, by a time that is uniform between 0 and one reference
+    /// period. The first edges of the two gates are a fixed time apart, and so are the last, so
+    /// their errors are correlated: the sum of the errors of two edges x reference periods apart
+    /// has the variance V(x) = 1/3 - h (1 - h), where h is the fractional part of x. If a sensor
+    /// period has p reference periods and the falling edge follows the rising one after the
+    /// fraction d of a period, then x is d p or (1 - d) p, depending on which edge comes first in
+    /// the gate, and
     ///
     /// sigma_f / f = sqrt(2 ((1 - d) V(d p) + d V((1 - d) p))) / N,
     ///
-    /// with N on average 32 RCOUNT - 8 - 3 p: each gate waits for an edge and ends at one. The
-    /// fewer periods a conversion contains, the smaller the share of it that is counted.
+    /// where N is on average 32 RCOUNT - 8 - 3 p, since each gate starts at an edge and ends at
+    /// one. The fewer periods a conversion contains, the smaller is the fraction of it that is
+    /// counted.
     ///
-    /// This lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases is
-    /// the (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2) of application note SNOA944. That mean is
-    /// stated if d is not known, and is then wrong by up to a factor of 1.41 at any one frequency.
-    /// A counter of half periods in one gate would stay at 0.0128: then this is an upper bound. It
-    /// is the error for a frequency that is not known beforehand, or that moves by more than
-    /// 1 / (16 RCOUNT): a constant frequency can give the same count for ever.
+    /// The result lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases
+    /// is (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2), as in application note SNOA944. The root of
+    /// this mean is stated if d is not known; at a single frequency it may be wrong by up to a
+    /// factor of 1.41. A counter of half periods in one gate would always have 0.0128 / RCOUNT: for
+    /// it this is an upper bound. The uncertainty applies to a frequency that is not known
+    /// beforehand, or that changes by more than 1 / (16 RCOUNT): at a constant frequency the count
+    /// may be the same for ever.
     ///
-    /// Rounding: the word is a whole number, so sigma_f / f = 1 / (sqrt(12) DATA), which exceeds
-    /// quantisation if p^2 is above 2^28 over the periods counted.
+    /// Rounding: the word is a whole number, so sigma_f / f = 1 / (sqrt(12) DATA). This exceeds
+    /// quantisation if p^2 is above 2^28 divided by the number of periods counted.
     ///
-    /// The count is the mean frequency between its own first and last edge, which lie up to two
-    /// periods within the conversion. A frequency that moves by the share r in a second is off by
-    /// about a third of r / f more; at 3 MHz that is negligible.
+    /// The count is the mean frequency between the first and the last edge counted, which lie up to
+    /// two periods within the conversion. A frequency that changes by the fraction r per second
+    /// adds an error of about a third of r / f; at 3 MHz that is negligible.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -191,7 +197,8 @@ impl Scale {
             None => MEAN_VARIANCE,
             Some(duty) => edge_variance((1_u32 << 28) as f32 / word.get() as f32, duty),
         };
-        // In squared reference periods: a core without floating point divides slowly.
+        // All variances are in squared reference periods, which saves divisions: they are slow on a
+        // core without floating point.
         let last_bit = n / word.get() as f32;
         let mut variance = count_variance + ROUNDING_VARIANCE * last_bit * last_bit;
         let white = self.noise.white_relative_in_1_ms;
@@ -214,13 +221,13 @@ impl Scale {
     }
 }
 
-/// Variance of N in squared reference periods, its mean over all phases.
+/// Variance of N in squared reference periods: the mean over all phases.
 const MEAN_VARIANCE: f32 = 1.0 / 3.0;
-/// Variance of the word's rounding.
+/// Variance of the word due to its rounding, in squared units of its last bit.
 const ROUNDING_VARIANCE: f32 = 1.0 / 12.0;
 
-/// Variance of N in squared reference periods, with `period` of them in a sensor period: see
-/// [`Scale::relative_sigma`].
+/// Variance of N in squared reference periods; `period` is the sensor period in reference periods.
+/// See [`Scale::relative_sigma`].
 fn edge_variance(period: f32, duty: f32) -> f32 {
     let pair = |distance: f32| {
         let h = distance - libm::floorf(distance);

@@ -1,5 +1,5 @@
-//! The driver's knowledge of the chip, without a bus: shared by the blocking and the asynchronous
-//! driver.
+//! What the driver knows about the chip, independent of the bus: shared by the blocking and the
+//! asynchronous driver.
 
 use heapless::Vec;
 
@@ -8,15 +8,15 @@ use crate::{
     Scale, Status, Word,
 };
 
-/// Largest number of registers in a frame: STATUS, and MSB and LSB of four channels, each read
-/// twice.
+/// Largest number of registers in a frame: STATUS, and DATAx_MSB and DATAx_LSB of four channels,
+/// each read twice.
 pub(crate) const FRAME_REGISTERS: usize = 1 + 2 * 2 * 4;
 
 /// The registers of a frame.
 pub(crate) type RegisterList = Vec<Register, FRAME_REGISTERS>;
 
-/// The registers of a frame in the order of reading: STATUS if it is read, then MSB and LSB of
-/// every active channel. For bus masters that read frames by themselves.
+/// The registers of a frame in the order of reading: STATUS if it is read, then DATAx_MSB and
+/// DATAx_LSB of every active channel. For bus masters that read frames by themselves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameRequest(RegisterList);
 
@@ -33,16 +33,16 @@ impl FrameRequest {
     }
 }
 
-/// What releases INTB on the chip in use. The datasheet states both (8.1.8), and measurements found
-/// both: determine it with `probe_interrupt_release`.
+/// Which reads release INTB on the chip in use. The datasheet describes both behaviours (8.1.8),
+/// and both were measured: determine it with `probe_interrupt_release`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum InterruptRelease {
-    /// Reading the data releases INTB: STATUS is not read, 95 bit times a frame.
+    /// Reading the data releases INTB: STATUS is not read, so a frame takes 95 bit times.
     ByData,
-    /// Only reading STATUS releases INTB: it is read first in each frame, 142 bit times. Assumed
-    /// until the chip has been probed.
+    /// Only reading STATUS releases INTB: STATUS is read first in each frame, which takes 142 bit
+    /// times. This is assumed until the chip has been probed.
     #[default]
     ByStatusOnly,
 }
@@ -53,8 +53,8 @@ pub enum InterruptRelease {
 pub struct Canary {
     /// The register that was compared and agreed.
     pub register: Register,
-    /// If this comparison completed the round over all registers: the number of the last frame
-    /// before the round started. Frames up to it were converted with every register intact.
+    /// Number of the last frame before this round started, if this comparison completed a round
+    /// over all registers: frames up to that number were converted with every register intact.
     pub confirmed: Option<u32>,
 }
 
@@ -67,17 +67,17 @@ pub(crate) struct DriverState {
     pub(crate) read_twice: bool,
     /// Configuration that the chip should have.
     pub(crate) requested: Option<Configuration>,
-    /// One unit of each channel's code in hertz while the chip runs: computed once, to avoid a
+    /// Hertz per unit of each channel's code while the chip runs: computed once, to avoid a
     /// division for every reading.
     units_hz: [f64; 4],
-    /// Whether the chip converts as requested, as far as known.
+    /// Whether the chip converts as requested, as far as the driver knows.
     pub(crate) running: bool,
-    /// A transfer failed: check the identity before trusting the next frame.
+    /// Whether a transfer has failed, so that the identity must be checked before the next frame.
     pub(crate) suspect: bool,
     marks: Marks,
     frame_number: u32,
     canary_index: u8,
-    /// Number of the last frame before the current round of canaries.
+    /// Number of the last frame before the current round of register comparisons.
     round_began_at: u32,
 }
 
@@ -131,7 +131,7 @@ impl DriverState {
         self.marks.gap = true;
     }
 
-    /// Marks a gap, after frames that were read and discarded.
+    /// Marks a gap after frames that were read and discarded.
     pub(crate) fn frames_discarded(&mut self) {
         self.marks.gap = true;
     }
@@ -140,10 +140,11 @@ impl DriverState {
         self.marks.drive_step = true;
     }
 
-    /// The registers of the next frame: STATUS first if it is read, then MSB before LSB.
+    /// The registers of the next frame: STATUS first if it is read, then DATAx_MSB before
+    /// DATAx_LSB.
     pub(crate) fn frame_registers(&self, acquisition: Acquisition, status: bool) -> RegisterList {
         let mut list = RegisterList::new();
-        // The list is as long as the longest frame, so no push can fail.
+        // `RegisterList` has room for the longest frame, so no push can fail.
         if status {
             let _ = list.push(Register::Status);
         }
@@ -172,8 +173,8 @@ impl DriverState {
     }
 
     /// Assembles a frame from register words in the order of
-    /// [`frame_registers`](Self::frame_registers). `asked` is a STATUS that was read earlier in a
-    /// separate transfer.
+    /// [`frame_registers`](Self::frame_registers). `asked` is STATUS if it was read earlier, in a
+    /// transfer of its own.
     pub(crate) fn assemble(
         &mut self,
         configuration: &Configuration,
@@ -205,14 +206,14 @@ impl DriverState {
         frame
     }
 
-    /// The register that the next canary compares, and its expected value.
+    /// The register that is compared next, and its expected value.
     pub(crate) fn canary(&self, configuration: &Configuration) -> (Register, u16) {
         configuration
             .register(self.canary_index)
             .unwrap_or((Register::Config, configuration.config(false).to_bits()))
     }
 
-    /// Records that the canary's register agreed.
+    /// Records that the compared register had its expected value.
     pub(crate) fn canary_lives(
         &mut self,
         configuration: &Configuration,
@@ -233,14 +234,15 @@ impl DriverState {
         }
     }
 
-    /// Makes the next canary the first of a new round.
+    /// Starts a new round of register comparisons.
     pub(crate) fn begin_round(&mut self) {
         self.canary_index = 0;
         self.round_began_at = self.frame_number;
     }
 }
 
-/// Makes one reading from the words of its channel: MSB, LSB and, if read twice, MSB and LSB again.
+/// Creates one reading from the words of its channel: DATAx_MSB, DATAx_LSB and, if read twice, both
+/// again.
 fn reading(
     (scale, unit_hz): (Scale, f64),
     channel: Channel,
@@ -252,7 +254,8 @@ fn reading(
         [msb, lsb, ..] => Word::from_registers(*msb, *lsb),
         _ => Word::default(),
     };
-    // The first read cleared the flags, so only the codes can be compared.
+    // The first read cleared the flags in the chip, so only the codes of the two reads can be
+    // compared.
     let agrees = match words {
         [_, _, msb, lsb] => Some(Word::from_registers(*msb, *lsb).code() == word.code()),
         _ => None,

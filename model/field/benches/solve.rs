@@ -1,5 +1,5 @@
-//! Cost of a design from its text to its figures at 1e-4, by the order of the elements; and with
-//! saturation.
+//! Cost of a design, from its text to its figures at an accuracy of 1e-4, for several orders of the
+//! elements; and with saturation.
 #![allow(missing_docs, reason = "divan's macro makes public items")]
 
 use palpate_field::design::builtin;

@@ -9,35 +9,36 @@ use crate::mesh::Zone;
 use crate::plates;
 use crate::solve::{Level, Locator};
 
-/// Figures of merit of a field; also the errors of such figures.
+/// Figures of merit of a field. The type is also used for errors and changes of the figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Figures {
     /// B_x at the middle of the core, T.
     pub centre_t: f64,
     /// Mean of |B| over the core's volume, T.
     pub core_mean_t: f64,
-    /// Standard deviation of |B| divided by its mean, by volume: over the whole core, three
-    /// quarters of its radius, and half of it. For a core of 8 mm these are 8, 6 and 4 mm.
+    /// Standard deviation of |B| divided by its mean, by volume: over the whole core, and within
+    /// three quarters and half of its radius. For a core of 8 mm these radii are 8, 6 and 4 mm.
     pub cv: [f64; 3],
-    /// Peak to peak of |B| along the core's axis divided by its mean there.
+    /// Peak-to-peak value of |B| along the core's axis, divided by the mean of |B| there.
     pub axial_pp: f64,
-    /// Peak to peak of |B| along the core's radius in mid-plane divided by its mean there.
+    /// Peak-to-peak value of |B| along the core's radius in the mid-plane, divided by the mean of
+    /// |B| there.
     pub radial_pp: f64,
-    /// Flux linked with all driven coils in series, Wb, including the share of a background. For
-    /// one ampere without a background it is the inductance in H.
+    /// Flux linked with all driven coils in series, Wb, including the flux of a background field.
+    /// At one ampere without a background it equals the inductance in H.
     pub linkage_wb: f64,
     /// Force that closes the core's gap, N, by virtual work.
     pub force_n: f64,
     /// The closing force by Maxwell's stress on the mid-plane, N.
     pub force_by_stress_n: f64,
-    /// Greatest |B| in the plates, T, without corners.
+    /// Greatest |B| in the plates, T, at least 0.1 mm from corners.
     pub plate_max_t: f64,
 }
 
-/// Number of intervals of the profiles for peak-to-peak values.
+/// Number of intervals along a profile for peak-to-peak values.
 const STEPS: u32 = 100;
 
-/// Figures with the profiles of their peak-to-peak values.
+/// Figures together with the profiles from which their peak-to-peak values were computed.
 pub(crate) struct ProfiledFigures {
     /// The figures.
     pub(crate) figures: Figures,
@@ -76,8 +77,8 @@ impl ProfiledFigures {
         Self { figures, profiles }
     }
 
-    /// Absolute differences. For peak-to-peak values the largest difference that the profiles
-    /// allow, which does not vanish by chance.
+    /// Absolute differences of all figures. For peak-to-peak values it is the largest difference
+    /// that the profiles allow: unlike the actual difference, it does not vanish by chance.
     pub(crate) fn change_from(&self, other: &Self) -> Figures {
         let [axial_pp, radial_pp] = [0, 1].map(|line: usize| {
             let both = self.profiles[line].iter().zip(&other.profiles[line]);
@@ -137,7 +138,8 @@ impl Figures {
     }
 }
 
-/// Limits a position to a range, so that it is not evaluated in the triangle beyond the end.
+/// Moves a position slightly into a range, so that it is not evaluated in the triangle beyond the
+/// range's end.
 fn inward(place: f64, [from, to]: [f64; 2]) -> f64 {
     let margin = 1e-7 * (to - from);
     place.clamp(from + margin, to - margin)

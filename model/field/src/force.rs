@@ -8,11 +8,10 @@
 //! A uniform background has a tension of its own out to infinity; it is subtracted, so the force is
 //! that of the design in the background.
 //!
-//! A magnet in this range is stretched with its remanence.
+//! A uniform background field has a magnetic tension of its own, which reaches to infinity. It is
+//! subtracted, so the force is that of the design in the background.
 //!
-//! If a body's outline is slanted in this range, the field pulls at it along the axis, and the
-//! force depends a little on the plane at which the halves are parted. The stress is that of the
-//! mid-plane.
+//! A magnet that is partly in this range is stretched there with its remanence unchanged.
 
 use core::f64::consts::TAU;
 
@@ -21,14 +20,14 @@ use crate::geometry::{Point, length};
 use crate::material::Material;
 use crate::solve::{Level, Locator};
 
-/// Tension along the axis in excess of that of the level's background in vacuum, N/m²: ∫H dB − H_r
-/// B_r, which is B²/2μ where B is parallel to the axis.
+/// Magnetic tension along the axis in excess of that of the background field in vacuum, N/m². It is
+/// ∫H dB − H_r B_r, or B²/2μ where B is parallel to the axis.
 fn tension(level: &Level, region: usize, b: [f64; 2]) -> f64 {
     let (material, excess) = level.law_at(region, b);
     tension_of(level, material, excess)
 }
 
-/// Tension in a material, N/m², of the field in excess of its remanence.
+/// Magnetic tension in a material, N/m²; `b` is the field in excess of the material's remanence.
 fn tension_of(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
     let size = length(b);
     let background = Material::VACUUM.energy_j_per_m3(level.background_t);
@@ -49,12 +48,12 @@ pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Loca
             sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
         }
     });
-    // Outside of the circle the field is smooth.
+    // Outside of the circle around the design the field is smooth.
     let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));
     (sum + beyond) / (to - from)
 }
 
-/// Force by Maxwell's stress on the core's mid-plane out to infinity, N.
+/// Closing force, N: Maxwell's stress, integrated over the core's mid-plane out to infinity.
 #[must_use]
 pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     let x = design.core.middle_m();
@@ -63,7 +62,7 @@ pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
         tension(level, at.region as usize, at.b)
     };
     let edge = reach(level, x);
-    // The stress jumps where the material changes: the integral is split there.
+    // The stress jumps where the material changes, so the integral is split at these radii.
     let mut stops = vec![0.0];
     let region = |r: f64| locator.at([r, x]).region;
     for step in 0..STEPS {
@@ -88,10 +87,11 @@ pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     pieces.sum::<f64>() + ring_beyond(level, locator, x)
 }
 
-/// Number of steps along the mid-plane in which changes of the material are searched for.
+/// Number of steps along the mid-plane in which changes of the material are located.
 const STEPS: u32 = 200;
 
-/// Share of the plane outside of the circle: r = R/t maps the range to infinity onto (0, 1].
+/// Integral of the tension over the part of a plane outside of the circle: r = R/t maps the radii
+/// from R to infinity onto (0, 1].
 fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
     let edge = reach(level, x) * (1.0 + 1e-12);
     panels(1.0, 8, |t| {
@@ -100,7 +100,7 @@ fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
     })
 }
 
-/// Radius at which a plane leaves the circle.
+/// Radius at which a plane across the axis leaves the circle.
 fn reach(level: &Level, x: f64) -> f64 {
     let circle = level.space.mesh.circle;
     (circle.radius.powi(2) - (x - circle.centre_x).powi(2))

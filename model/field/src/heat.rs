@@ -1,7 +1,8 @@
-//! Heat capacities for the heat of the windings.
+//! Heat capacities, from which the heating of the windings follows.
 //!
-//! Heat capacities by volume are handbook values at room temperature: copper 3.45, glass-fibre board
-//! 2.0, nickel iron 4.0 MJ/(m³ K). Elastomer: 30 vol% iron of 3.5 and 70 vol% silicone of 1.6.
+//! Volumetric heat capacities are handbook values at room temperature: copper 3.45, glass-fibre
+//! board 2.0, nickel iron 4.0 MJ/(m³ K). Elastomer: 30 vol% iron of 3.5 and 70 vol% silicone of 1.6
+//! MJ/(m³ K).
 
 use core::f64::consts::{PI, TAU};
 
@@ -16,9 +17,9 @@ const ELASTOMER_J_PER_M3_K: f64 = 2.2e6;
 /// Heat capacities, J/K.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatCapacity {
-    /// Driven windings alone, which warm up in the first second.
+    /// Heat capacity of the driven windings alone, which warm up in the first second, J/K.
     pub copper_j_per_k: f64,
-    /// Windings, boards, bodies and plates together.
+    /// Heat capacity of windings, boards, bodies and plates together, J/K.
     pub stack_j_per_k: f64,
 }
 

@@ -15,27 +15,28 @@ use crate::solve::Solved;
 pub struct Elastomer {
     /// Young's modulus without field E₀, Pa.
     pub modulus_pa: f64,
-    /// Greatest relative rise R.
+    /// Greatest relative rise of the modulus, R.
     pub rise: f64,
-    /// Field of half the rise, B_c, T.
+    /// Flux density at which the modulus has half of its greatest rise, B_c, T.
     pub half_t: f64,
 }
 
 impl Elastomer {
-    /// Ordinary soft elastomer. Assumed values without a source, to be replaced by a calibration.
+    /// Ordinary soft elastomer. The values are assumed, without a source, and to be replaced by a
+    /// calibration.
     pub const SOFT: Self = Self {
         modulus_pa: 0.1e6,
         rise: 3.0,
         half_t: 0.30,
     };
-    /// Very soft elastomer: the middle of 30 to 60 kPa. Assumed values as well.
+    /// Very soft elastomer, with the middle of 30 to 60 kPa. These values are assumed, too.
     pub const ULTRASOFT: Self = Self {
         modulus_pa: 45e3,
         rise: 15.0,
         half_t: 0.25,
     };
 
-    /// Share of the greatest rise at a field.
+    /// Fraction of the greatest rise of the modulus that a field causes.
     #[must_use]
     pub fn share(&self, b_t: f64) -> f64 {
         b_t * b_t / (b_t * b_t + self.half_t * self.half_t)
@@ -45,21 +46,21 @@ impl Elastomer {
 /// The layer between the boards, at one current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// Loaded area, m².
+    /// Loaded area of the layer, m².
     pub area_m2: f64,
-    /// Shape factor: loaded area divided by free area.
+    /// Shape factor: loaded area divided by free surface area.
     pub shape_factor: f64,
-    /// Spring without field c_D0, N/m.
+    /// Spring constant without field, c_D0, N/m.
     pub spring_n_per_m: f64,
-    /// Relative rise of the spring due to the field.
+    /// Relative rise of the spring constant due to the field.
     pub stiffening: f64,
-    /// Uniform field that would give the same rise, T.
+    /// Uniform field that would cause the same rise of the spring constant, T.
     pub field_t: f64,
 }
 
 impl Layer {
     /// Computes the layer of a design in a solved field. The cast bodies between the boards carry
-    /// the load in parallel; the modulus of each point is weighted by its volume.
+    /// the load in parallel; the modulus at each point is weighted by volume.
     ///
     /// Returns `None` if there is no elastomer between the boards.
     #[must_use]
@@ -72,7 +73,8 @@ impl Layer {
                 continue;
             };
             let (area, outline) = part.cut.left_of(r_m);
-            // The inner rim of a ring is free, the axis is not.
+            // The inner rim of a ring is a free surface; a body that reaches the axis has none
+            // there.
             let shape_factor = area / (outline * height);
             spring += elastomer.modulus_pa * area * (1.0 + 2.0 * shape_factor.powi(2)) / height;
             area_m2 += area;
@@ -106,7 +108,7 @@ impl Layer {
     }
 }
 
-/// Field in the remaining pieces of a cut body: H equals that of the mixture.
+/// Flux density in the remaining pieces of a cut body, T: H in the pieces equals H in the mixture.
 fn in_the_pieces(part: &MagneticPart, design: &Design, b: [f64; 2]) -> f64 {
     let size = b[0].hypot(b[1]);
     let fill = match (part.cut, extent_in_plane(part, design.core.middle_m())) {
@@ -118,8 +120,8 @@ fn in_the_pieces(part: &MagneticPart, design: &Design, b: [f64; 2]) -> f64 {
     MU_0 * (h + magnetisation)
 }
 
-/// Inner and outer radius of a body on a plane across the axis. The outline is sampled at 2,000
-/// radii, which gives the area to 0.1 %.
+/// Inner and outer radius of a body where a plane across the axis cuts it. The outline is sampled
+/// at 2,000 radii, which gives the area within 0.1 %.
 fn extent_in_plane(part: &MagneticPart, x: f64) -> Option<[f64; 2]> {
     const STEPS: u32 = 2_000;
     let reach = part
@@ -139,7 +141,7 @@ fn extent_in_plane(part: &MagneticPart, x: f64) -> Option<[f64; 2]> {
     ])
 }
 
-/// Spring of a pad of elastomer on a rigid base, the sensing layer, N/m.
+/// Spring constant of the sensing layer, a pad of elastomer on a rigid base, N/m.
 #[must_use]
 pub fn pad_spring_n_per_m(elastomer: &Elastomer, radius_m: f64, height_m: f64) -> f64 {
     let shape_factor = radius_m / (2.0 * height_m);

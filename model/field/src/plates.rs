@@ -1,9 +1,10 @@
-//! Greatest flux density in the plates, without magnets: shows how close soft metal is to
+//! Greatest flux density in the plates, except magnets: shows how close soft metal is to
 //! saturation.
 //!
-//! At corners the field is singular, so a disc of [`CORNER_M`] about each corner is omitted. Within
-//! a part of uniform permeability |B|² has its greatest value on the boundary, and near a corner
-//! that is the disc's edge: the edge is sampled in addition to the points of integration.
+//! At corners the field is singular, so a disc of radius [`CORNER_M`] about each corner is omitted.
+//! Within a part of uniform permeability |B|² has its greatest value on the boundary, and near a
+//! corner that boundary is the disc's edge: the edge is sampled in addition to the points of
+//! integration.
 
 use core::f64::consts::TAU;
 
@@ -12,11 +13,11 @@ use crate::geometry::{Point, distance, length};
 use crate::mesh::CORNER_M;
 use crate::solve::{Level, Locator};
 
-/// Number of points on the edge of the disc about a corner: about a corner |B| falls with a third
-/// power at most, and the points are 11 degrees apart.
+/// Number of points on the edge of the disc about a corner, 11 degrees apart: that is dense enough,
+/// since |B| about a corner falls at most with the cube root of the distance.
 const AROUND: u32 = 32;
 
-/// Greatest |B| in the plates, T, without corners; 0 without a plate.
+/// Greatest |B| in the plates, T, at least 0.1 mm from corners; 0 without a plate.
 #[must_use]
 pub fn greatest(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
     let mut greatest = 0.0_f64;
@@ -26,7 +27,8 @@ pub fn greatest(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>
     greatest
 }
 
-/// Calls `found` with triangle and |B|, T, at every point of the plates that counts.
+/// Calls `found` with the index of the triangle and |B|, T, at every sampled point of the plates
+/// that is at least 0.1 mm from corners.
 pub(crate) fn visit(
     design: &Design,
     level: &Level,
@@ -43,7 +45,7 @@ pub(crate) fn visit(
     }
 }
 
-/// Calls `found` for the parts that `counts` selects, as [`visit`] does.
+/// As [`visit`], for the parts that `counts` selects.
 pub(crate) fn visit_parts(
     level: &Level,
     w: &[f64],

@@ -6,12 +6,12 @@ use crate::geometry::path::Path;
 use crate::geometry::shape::{Shape, edges};
 use crate::geometry::{Point, cross, distance};
 
-/// Smallest thickness and smallest gap, m: 1 µm, below any tolerance of such a stack.
+/// Smallest thickness and smallest gap, m: 1 µm, below the tolerances of any such stack.
 pub(super) const THINNEST_M: f64 = 1e-6;
 /// Distance below which positions count as equal, m.
 pub(super) const SAME_M: f64 = 1e-9;
 
-/// Lines of the file on which the entries start.
+/// Line of the design file on which each entry starts.
 #[derive(Default)]
 pub(super) struct Lines {
     pub(super) parts: Vec<usize>,
@@ -19,18 +19,18 @@ pub(super) struct Lines {
     pub(super) coils: Vec<usize>,
 }
 
-/// A solid, with its location in the file.
+/// A solid with its location in the design file.
 struct Solid {
     place: String,
     line: usize,
     shape: Shape,
     minus: Vec<Shape>,
-    /// Whether it is copper, which may lie within its board.
+    /// Whether it is a winding's copper, which may lie within its board.
     copper: bool,
     board: bool,
 }
 
-/// Rejects overlaps and too narrow gaps.
+/// Rejects solids that overlap, and gaps that are too narrow.
 pub(super) fn check(file: &str, design: &Design, lines: &Lines) -> Result<(), DesignError> {
     let refuse = |line: usize, place: &str, problem: String, allowed: &str| {
         Err(DesignError {
@@ -140,8 +140,8 @@ fn boxes_apart(a: &Shape, b: &Shape) -> bool {
     })
 }
 
-/// Whether two solids overlap. Cuts both outlines at each other; they overlap if a point just
-/// beside a piece lies in both.
+/// Whether two solids overlap. Cuts both outlines at each other; the solids overlap if a point just
+/// beside one of the pieces lies in both.
 fn overlap(a: &Solid, b: &Solid) -> bool {
     let within = |solid: &Solid, point| {
         solid.shape.contains(point) && !solid.minus.iter().any(|hole| hole.contains(point))

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 /// Evaluates an expression of `+ - * /`, parentheses, numbers and names.
 ///
 /// # Errors
-/// A sentence that describes the error.
+/// A sentence that says what is wrong with the expression.
 pub(super) fn evaluate(text: &str, names: &BTreeMap<String, f64>) -> Result<f64, String> {
     let mut parser = Parser {
         rest: text,

@@ -25,10 +25,10 @@ pub struct Design {
     pub name: String,
     /// Description in one sentence.
     pub about: String,
-    /// The core: the disc between the boards, for which mean field, homogeneity and the closing
-    /// force are defined.
+    /// The core: the disc between the boards for which mean field, homogeneity and closing force
+    /// are computed.
     pub core: Core,
-    /// Windings. The driven ones are in series.
+    /// Windings. All driven windings are in series.
     pub coils: Vec<RingCoil>,
     /// Circuit boards. They displace the cast bodies and are not magnetic.
     pub boards: Vec<CircuitBoard>,
@@ -40,7 +40,7 @@ pub struct Design {
     pub current_a: f64,
     /// Uniform background field along the axis, T.
     pub background_t: f64,
-    /// Files beside the design that it refers to.
+    /// Files that the design refers to.
     pub files: Vec<FileRead>,
 }
 
@@ -69,13 +69,13 @@ pub struct Core {
 }
 
 impl Core {
-    /// Position of the core's middle on the axis, m.
+    /// Position on the axis of the core's middle, m.
     #[must_use]
     pub fn middle_m(&self) -> f64 {
         0.5 * (self.x_m[0] + self.x_m[1])
     }
 
-    /// Middle half of the core's length, m: the stack is parted there for the force.
+    /// Ends of the middle half of the core's length, m: for the force, the stack is parted there.
     #[must_use]
     pub fn parting_m(&self) -> [f64; 2] {
         let quarter = 0.25 * (self.x_m[1] - self.x_m[0]);
@@ -83,26 +83,26 @@ impl Core {
     }
 }
 
-/// A coil of one ring, or of rings of equal size side by side, in series.
+/// A coil of one ring, or of several rings of equal size side by side, in series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RingCoil {
     /// Name.
     pub name: String,
-    /// Cross-section of each ring.
+    /// Cross-sections of the rings.
     pub rings: Vec<Rectangle>,
-    /// Turns in each ring's cross-section.
+    /// Number of turns in each ring.
     pub turns: f64,
-    /// Sense of the current, +1 or −1.
+    /// Direction of the current, +1 or −1.
     pub sense: f64,
-    /// Whether it is one of the coils in series that carry the constant current. A sensing coil is
-    /// not.
+    /// Whether the coil is in series with the others and carries the constant current. A sensing
+    /// coil does not.
     pub driven: bool,
     /// Constant current of a coil that is not in series with the others, A; multiplied by its
     /// sense.
     pub own_current_a: Option<f64>,
 }
 
-/// A rectangle in the half-plane.
+/// A rectangle in the half-plane (r, x), the cross-section of a ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
     /// Inner and outer radius, m.
@@ -118,7 +118,7 @@ impl Rectangle {
         (self.r_m[1] - self.r_m[0]) * (self.x_m[1] - self.x_m[0])
     }
 
-    /// Circumference of the circle through its middle, m.
+    /// Circumference of the circle through the middle of the cross-section, m.
     #[must_use]
     pub fn circumference_m(&self) -> f64 {
         core::f64::consts::PI * (self.r_m[0] + self.r_m[1])
@@ -141,10 +141,11 @@ pub struct MagneticPart {
     pub name: String,
     /// Name of its material.
     pub material_name: String,
-    /// Material; for a cut body, that of the mixture of what remains and the air between.
+    /// Material; for a cut body, that of a mixture of the remaining pieces and the air between
+    /// them.
     pub material: Material,
-    /// Remanence of a magnet along the axis, T; its `material` has the recoil permeability.
-    /// B = B_r + μ₀ μ_r H.
+    /// Remanence B_r of a magnet along the axis, T; μ_r, in its `material`, is the recoil
+    /// permeability: B = B_r + μ₀ μ_r H.
     pub remanence_t: f64,
     /// Outline.
     pub shape: Shape,
@@ -154,17 +155,17 @@ pub struct MagneticPart {
     pub conductivity_s_per_m: f64,
     /// Loss tangent of the permeability, μ″/μ′, for alternating fields.
     pub loss_tangent: f64,
-    /// How the body is cut so that it can yield sideways.
+    /// How the body is cut so that it can expand sideways.
     pub cut: Cut,
-    /// Whether it was cast around boards, windings and plates (a body), so that it omits their
-    /// space, or is solid (a plate), so that no other part may reach into it.
+    /// Whether the part was cast around boards, windings and plates (a body) and so leaves out
+    /// their space. Otherwise it is solid (a plate), and no other part may reach into it.
     pub cast: bool,
 }
 
-/// How a body is cut, along the axis, to be softer.
+/// Cuts along the axis that make a body softer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// Not cut.
+    /// No cuts.
     Whole,
     /// Cut into round pillars.
     Pillars {
@@ -183,8 +184,8 @@ pub enum Cut {
 }
 
 impl Cut {
-    /// Remaining area, and length of the outline around all pieces, of a ring from `r[0]` to
-    /// `r[1]`, in m² and m.
+    /// Of a ring from `r[0]` to `r[1]`: the remaining area, m², and the length of the outlines of
+    /// all pieces, m.
     #[must_use]
     pub fn left_of(&self, r_m: [f64; 2]) -> (f64, f64) {
         use core::f64::consts::{PI, TAU};
@@ -211,7 +212,7 @@ impl Cut {
         }
     }
 
-    /// Remaining share of the area of a ring from `r[0]` to `r[1]`.
+    /// Remaining fraction of the area of a ring from `r[0]` to `r[1]`.
     #[must_use]
     pub fn fill(&self, r_m: [f64; 2]) -> f64 {
         self.left_of(r_m).0 / Self::Whole.left_of(r_m).0
@@ -219,7 +220,7 @@ impl Cut {
 }
 
 impl MagneticPart {
-    /// Whether a point lies in the outline and in none of the shapes cut out of it.
+    /// Whether a point lies within the outline and in none of the shapes cut out of it.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         self.shape.contains(point) && !self.minus.iter().any(|hole| hole.contains(point))
@@ -238,12 +239,13 @@ impl Design {
         self.driven_coils().next().is_some()
     }
 
-    /// Resistance of the driven windings in series at the temperature of the resistivity, Ω: the
-    /// current runs in circles, evenly over each ring, so each ring has ρ · 2π r̄ turns² / area.
+    /// Resistance of the driven windings in series, Ω, at the temperature of the resistivity. The
+    /// current flows in circles, evenly distributed over each ring, so each ring has ρ · 2π r̄
+    /// turns² / area.
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
         let coils = self.driven_coils();
-        // An empty sum is -0.
+        // The sum of no coils is -0, which this turns into 0.
         0.0 + coils
             .map(|coil| self.coil_resistance_ohm(coil))
             .sum::<f64>()
@@ -266,7 +268,7 @@ impl Design {
         rings.chain(boards).flat_map(corner).chain(parts)
     }
 
-    /// Lower and upper end along the axis, m, including the core.
+    /// Lower and upper end of the design along the axis, m, including the core.
     #[must_use]
     pub fn height_m(&self) -> [f64; 2] {
         let places = self.extremes().map(|[_, x]| x).chain(self.core.x_m);
@@ -275,7 +277,7 @@ impl Design {
         })
     }
 
-    /// Greatest distance from the axis, m, including the core.
+    /// Greatest distance of the design from the axis, m, including the core.
     #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.extremes()
@@ -283,7 +285,7 @@ impl Design {
             .fold(self.core.r_m, f64::max)
     }
 
-    /// Whether any of its parts is a magnet.
+    /// Whether any part is a magnet.
     #[must_use]
     pub fn has_magnets(&self) -> bool {
         self.parts.iter().any(|part| part.remanence_t != 0.0)
@@ -296,7 +298,7 @@ impl Design {
         self.background_t != 0.0 || self.has_magnets() || self.has_own_currents()
     }
 
-    /// Whether any of its materials saturates.
+    /// Whether any material saturates.
     #[must_use]
     pub fn saturates(&self) -> bool {
         self.parts.iter().any(|part| !part.material.is_linear())
@@ -306,11 +308,11 @@ impl Design {
 /// Error in a design.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DesignError {
-    /// File, as given to its reader.
+    /// File name, as given to the reader.
     pub file: String,
     /// Line, counted from 1.
     pub line: usize,
-    /// Key or part with the error; empty if the text is not TOML.
+    /// Key or part that contains the error; empty if the text is not TOML.
     pub place: String,
     /// Description of the error.
     pub problem: String,

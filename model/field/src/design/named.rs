@@ -13,7 +13,7 @@ pub enum Named {
 }
 
 impl Named {
-    /// Whether a region of a mesh belongs to it.
+    /// Whether a region of a mesh belongs to this coil or part.
     pub(crate) fn takes(self, region: &Region) -> bool {
         match self {
             Self::Coil(coil) => region.ring.is_some_and(|[of, _]| of as usize == coil),
@@ -37,7 +37,7 @@ impl Design {
         coils.chain(self.parts.iter().map(|part| part.name.as_str()))
     }
 
-    /// Whether a coil carries a current of its own.
+    /// Whether any coil carries a current of its own.
     #[must_use]
     pub fn has_own_currents(&self) -> bool {
         self.coils.iter().any(|coil| coil.own_current_a.is_some())

@@ -5,17 +5,17 @@ use core::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Sets numbers in a text; comments, order and lines of the rest stay. A path names tables, entries
-/// of a list by their `name` or their index from 0, and ends at a number or at an expression, which
-/// the number replaces.
+/// Sets numbers in a design's text; comments, order and line numbers stay. A path consists of names
+/// of tables and, for an entry of a list, its `name` or its index from 0; it ends at a number or an
+/// expression, which the given number replaces.
 ///
 /// # Errors
-/// A sentence that names the path and its present contents.
+/// A sentence that names the path and what the text contains there.
 pub fn set(text: &str, settings: &[(String, f64)]) -> Result<String, String> {
     let mut text = text.to_owned();
     for (path, value) in settings {
         let (place, whole) = find(&text, path)?;
-        // Counts stay integers.
+        // A number that was an integer, such as a count, stays one.
         let number = if whole && value.fract() == 0.0 {
             format!("{value:.0}")
         } else {
@@ -39,7 +39,7 @@ pub fn get(text: &str, path: &str) -> Result<f64, String> {
     })
 }
 
-/// Range of the number of a path in the text, and whether it is an integer.
+/// Byte range in the text of the number at the end of a path, and whether the number is an integer.
 fn find(text: &str, path: &str) -> Result<(Range<usize>, bool), String> {
     let table = DeTable::parse(text).map_err(|error| error.message().to_owned())?;
     let span = table.span();
@@ -72,7 +72,7 @@ fn find(text: &str, path: &str) -> Result<(Range<usize>, bool), String> {
     }
 }
 
-/// The `name` of an entry of a list.
+/// The `name` of an entry in a list.
 fn name_of<'v>(item: &'v DeValue<'_>) -> Option<&'v str> {
     let DeValue::Table(table) = item else {
         return None;

@@ -5,12 +5,12 @@
 pub struct BasisValues {
     /// Values.
     pub values: Vec<f64>,
-    /// Derivatives with respect to the second and third barycentric coordinate; the first decreases
-    /// by the same amount.
+    /// Derivatives with respect to the second and third barycentric coordinate; the first
+    /// coordinate decreases by as much as the other one increases.
     pub slopes: Vec<[f64; 2]>,
 }
 
-/// The basis of one order.
+/// The basis of polynomials of one order.
 #[derive(Clone, Debug)]
 pub struct Basis {
     order: u32,
@@ -18,8 +18,9 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Creates the basis of an order, 1 to 6. Order of the nodes: the vertices; those on the edges
-    /// from the first to the second vertex, from there to the third and back; those inside.
+    /// Creates the basis of an order, 1 to 6. Its nodes are, in this order: the vertices; the nodes
+    /// on the edges from the first vertex to the second, from the second to the third, and from the
+    /// third to the first; the nodes inside.
     #[must_use]
     pub fn new(order: u32) -> Self {
         let order = order.clamp(1, 6);
@@ -51,7 +52,7 @@ impl Basis {
         self.nodes.is_empty()
     }
 
-    /// Number of nodes within the triangle, off its edges.
+    /// Number of nodes inside the triangle, excluding those on its edges.
     #[must_use]
     pub fn interior(&self) -> usize {
         self.len() - 3 * self.order as usize
@@ -81,7 +82,7 @@ impl Basis {
     }
 }
 
-/// ∏ (p λ − q)/(q + 1) for q below `count`, and its derivative.
+/// The product of (p λ − q)/(q + 1) over all q below `count`, and its derivative with respect to λ.
 fn factor(order: f64, count: u32, lambda: f64) -> (f64, f64) {
     let (mut value, mut slope) = (1.0, 0.0);
     for q in 0..count {

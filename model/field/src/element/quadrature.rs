@@ -7,8 +7,8 @@
 pub fn gauss(count: usize, alpha: f64) -> Vec<(f64, f64)> {
     let mut roots: Vec<f64> = Vec::with_capacity(count);
     for index in 0..count {
-        // Chebyshev's nodes are good first guesses; known roots are divided out, so that none is
-        // found twice.
+        // Chebyshev's nodes are good first guesses for Newton's method; the roots found so far are
+        // divided out, so that no root is found twice.
         let guess = (2 * index + 1) as f64 / (2 * count) as f64 * core::f64::consts::PI;
         let mut x = guess.cos();
         for _ in 0..100 {

@@ -1,8 +1,8 @@
 //! Positions of the nodes of a triangle, with straight or curved edges.
 //!
-//! An edge on a curve has its nodes on the curve. The curvature fades into the triangle as
-//! d(s) · λₐλ_b / (s(1 − s)), s = (λ_b − λₐ + 1)/2, which is d(s) on the edge and zero on the other
-//! edges (Szabó and Babuška's blending).
+//! The nodes of an edge on a curve are on the curve. The displacement d(s) of the edge fades into
+//! the triangle as d(s) · λₐλ_b / (s(1 − s)), s = (λ_b − λₐ + 1)/2, which is d(s) on the edge and
+//! zero on the other edges (Szabó and Babuška's blending).
 
 use super::Basis;
 use super::basis::BasisValues;
@@ -39,13 +39,13 @@ pub fn nodes(mesh: &Mesh, triangle: &Triangle, basis: &Basis) -> Vec<Point> {
     basis.points().map(place).collect()
 }
 
-/// Position and gradients of the basis functions at a sampled point.
+/// Position of a sampled point in space, and gradients of the basis functions there.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Position.
     pub point: Point,
-    /// Twice the ratio of the triangle's area to the unit triangle's at this point: negative if
-    /// folded.
+    /// Determinant of the position's derivatives with respect to the second and third barycentric
+    /// coordinate: twice the area of a straight triangle; negative if the triangle is folded.
     pub jacobian: f64,
     /// Derivatives of the functions with respect to r and x.
     pub gradients: Vec<[f64; 2]>,
@@ -62,7 +62,7 @@ impl Placed {
         }
     }
 
-    /// Computes all values at a sampled point of the triangle with these nodes.
+    /// Computes all values at a sampled point of the triangle with the given nodes.
     pub fn fill(&mut self, nodes: &[Point], sample: &BasisValues) {
         self.point = [0.0; 2];
         let mut m = [[0.0; 2]; 2];

@@ -1,4 +1,5 @@
-//! Arrangement of all paths of a design, cut at each other, without paths that separate no regions.
+//! Arrangement of all paths of a design, cut at each other; paths that do not separate two regions
+//! are removed.
 
 use super::path::{Path, PathCurve};
 use super::{Point, cross, distance};
@@ -6,7 +7,7 @@ use super::{Point, cross, distance};
 /// A piece of a path between two vertices, without crossings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// Vertices.
+    /// Indices of the two vertices.
     pub ends: [usize; 2],
     /// Curve of the piece.
     pub curve: PathCurve,
@@ -78,15 +79,16 @@ impl Arrangement {
         }
     }
 
-    /// Points just beside the middles of all pieces: every face contains at least one of them.
+    /// Points just beside the middles of all pieces, on both sides: every face of the arrangement
+    /// contains at least one of them.
     #[must_use]
     pub fn points_beside(&self) -> Vec<Point> {
         let pieces = self.pieces.iter();
         pieces.flat_map(|piece| beside(&self.path(piece))).collect()
     }
 
-    /// Keeps the pieces for which `keep` returns true; its arguments are the path and the points
-    /// just left and right of its middle.
+    /// Keeps the pieces for which `keep` returns true. Its arguments are the path of a piece and
+    /// the points just left and right of the path's middle.
     pub fn retain(&mut self, keep: impl Fn(&Path, Point, Point) -> bool) {
         let paths: Vec<Path> = self.pieces.iter().map(|piece| self.path(piece)).collect();
         let mut paths = paths.iter();
@@ -100,7 +102,8 @@ impl Arrangement {
 }
 
 impl Arrangement {
-    /// Joins straight pieces that meet end to end at a vertex of no other piece.
+    /// Joins two straight pieces to one if they continue each other at a vertex where no other
+    /// piece ends.
     pub fn simplify(&mut self) {
         for vertex in 0..self.vertices.len() {
             let mut meeting = self.pieces.iter().enumerate();
@@ -149,11 +152,11 @@ impl Arrangement {
     }
 }
 
-/// Points just beside the middle of a path.
+/// Points just left and just right of the middle of a path.
 fn beside(path: &Path) -> [Point; 2] {
     let (a, middle, b) = (path.at(0.499), path.at(0.5), path.at(0.501));
-    // A millionth of the length: far from the next path, and far above the rounding of the
-    // position.
+    // A millionth of the path's length: far less than the distance of the next path, and far more
+    // than the rounding of a position.
     let step = 1e-6 * path.chord() / distance(a, b);
     let normal = [-(b[1] - a[1]) * step, (b[0] - a[0]) * step];
     [1.0, -1.0].map(|side| [middle[0] + side * normal[0], middle[1] + side * normal[1]])

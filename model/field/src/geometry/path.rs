@@ -4,25 +4,25 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::{Point, cross, distance};
 
-/// Curve of a path.
+/// Curve on which a path lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathCurve {
     /// A straight line.
     Line,
-    /// An ellipse: r = centre_r + semi_r cos t, x = centre_x + semi_x sin t. Between two of its
-    /// points it takes the shorter way, or upwards and downwards about a centre on the axis.
+    /// An ellipse: r = centre_r + semi_r cos t, x = centre_x + semi_x sin t. A path between two of
+    /// its points takes the shorter way; if both are on the axis, it takes the half in r > 0.
     Ellipse {
         /// Position of the centre.
         centre: Point,
-        /// Semi-axis across the axis.
+        /// Semi-axis in the direction of r.
         semi_r: f64,
-        /// Semi-axis along the axis.
+        /// Semi-axis in the direction of x.
         semi_x: f64,
     },
 }
 
 impl PathCurve {
-    /// The point at the angle `t`; `None` for a line.
+    /// The point of an ellipse at the angle `t`; `None` for a line.
     fn at(&self, t: f64) -> Option<Point> {
         match *self {
             Self::Line => None,
@@ -34,7 +34,7 @@ impl PathCurve {
         }
     }
 
-    /// Angle of a point on the curve, from −π to π.
+    /// Angle t of a point on the ellipse, from −π to π.
     fn angle(&self, [r, x]: Point) -> f64 {
         match *self {
             Self::Line => 0.0,
@@ -46,7 +46,7 @@ impl PathCurve {
         }
     }
 
-    /// Negative inside an ellipse, positive outside.
+    /// Sign of a point's position: negative inside the ellipse, positive outside.
     fn level(&self, [r, x]: Point) -> f64 {
         match *self {
             Self::Line => 1.0,
@@ -70,7 +70,8 @@ impl PathCurve {
         }
     }
 
-    /// Whether it equals another curve: arcs of one circle may be computed from different points.
+    /// Whether two curves are equal within the tolerance: arcs of one circle may have been computed
+    /// from different points.
     #[must_use]
     pub fn coincides(&self, other: &Self, tolerance: f64) -> bool {
         match (*self, *other) {
@@ -95,7 +96,8 @@ impl PathCurve {
         }
     }
 
-    /// The point at the share `s` of the way from `a` to `b`, both on the curve.
+    /// The point on the curve at the fraction `s` of the way from `a` to `b`, two points of the
+    /// curve.
     #[must_use]
     pub fn between(&self, a: Point, b: Point, s: f64) -> Point {
         match self.at(self.angle(a) + s * self.turn(a, b)) {
@@ -127,8 +129,8 @@ impl Path {
         }
     }
 
-    /// The arc of a circle from one point through another to a third, in pieces of at most a
-    /// quarter of the circle; `None` if the three lie on a line.
+    /// The arc of a circle from one point through another to a third, as paths of at most a quarter
+    /// of the circle each; `None` if the three points lie on a line.
     #[must_use]
     pub fn arc_through(from: Point, through: Point, to: Point) -> Option<Vec<Self>> {
         let curve = circle_through(from, through, to)?;
@@ -160,7 +162,7 @@ impl Path {
         (0..count).map(piece).collect()
     }
 
-    /// The ends, and for an arc its extreme points along r and x.
+    /// The ends of the path and, for an arc, its extreme points in r and in x.
     #[must_use]
     pub fn extremes(&self) -> Vec<Point> {
         let mut points = vec![self.from, self.to];
@@ -188,7 +190,8 @@ impl Path {
         self.curve.level(point) < 0.0 && side(point) == side(self.at(0.5))
     }
 
-    /// An arc between two angles. Its ends are exactly on the axis if the angles are ±π/2.
+    /// A path on an ellipse between two angles. Its ends are exactly on the axis if the angles are
+    /// ±π/2.
     #[must_use]
     pub fn arc(curve: PathCurve, from: f64, to: f64) -> Self {
         let end = |t: f64| {
@@ -205,24 +208,25 @@ impl Path {
         }
     }
 
-    /// The point at the share `s` of the way along the path.
+    /// The point at the fraction `s` of the way along the path.
     #[must_use]
     pub fn at(&self, s: f64) -> Point {
         self.curve.between(self.from, self.to, s)
     }
 
-    /// Length of the chord.
+    /// Distance of the path's ends.
     #[must_use]
     pub fn chord(&self) -> f64 {
         distance(self.from, self.to)
     }
 
-    /// Positions along this path, from 0 to 1, at which `other` meets it; `tolerance` is a length.
+    /// Positions along this path, as fractions from 0 to 1, at which `other` meets it; `tolerance`
+    /// is a length.
     #[must_use]
     pub fn meetings(&self, other: &Self, tolerance: f64) -> Vec<f64> {
-        // An end that lies on the other path is found as an end: curves that touch there
-        // tangentially would also seem to cross nearby, at a distance of the root of a rounding
-        // error.
+        // An end of one path that lies on the other is found as an end. Crossings near such an end
+        // are dropped: curves that touch there tangentially would also seem to cross nearby, at a
+        // distance of the square root of a rounding error.
         const SAME: f64 = 1e-6;
         let on = |path: &Self, end: Point| {
             let s = path.share_of(end).clamp(0.0, 1.0);
@@ -245,7 +249,7 @@ impl Path {
         found
     }
 
-    /// Position of a point on the path, as a share from 0 to 1.
+    /// Position of a point on the path, as a fraction of the way from 0 to 1.
     #[must_use]
     pub fn share_of(&self, point: Point) -> f64 {
         if self.curve == PathCurve::Line {
@@ -262,7 +266,7 @@ impl Path {
         let e = [other.to[0] - other.from[0], other.to[1] - other.from[1]];
         let between = [other.from[0] - self.from[0], other.from[1] - self.from[1]];
         let turn = d[0] * e[1] - d[1] * e[0];
-        // Parallel lines meet at ends only, which are searched separately.
+        // Parallel lines meet only at ends, which are found separately.
         if turn.abs() <= 1e-12 * self.chord() * other.chord() {
             return Vec::new();
         }
@@ -302,13 +306,13 @@ impl Path {
             .collect()
     }
 
-    /// Whether a point of its curve lies between its ends.
+    /// Whether a point of the path's curve lies between the path's ends.
     fn reaches(&self, point: Point, tolerance: f64) -> bool {
         let slack = tolerance / self.chord();
         (-slack..=1.0 + slack).contains(&self.share_of(point))
     }
 
-    /// Crossings of an arc with any path, found by sign changes along it.
+    /// Crossings of this arc with any path, found by changes of sign along the arc.
     fn arc_with(&self, other: &Self, tolerance: f64) -> Vec<f64> {
         if other.curve == PathCurve::Line {
             let found = other.line_with_ellipse(self, tolerance);
@@ -344,10 +348,11 @@ impl Path {
     }
 }
 
-/// The circle through three points; `None` if they lie on a line. It does not depend on the
-/// direction of the arc.
+/// The circle through three points; `None` if they lie on a line. The direction of the arc does not
+/// matter.
 fn circle_through(from: Point, through: Point, to: Point) -> Option<PathCurve> {
-    // Sagitta divided by chord below which an arc is a line: a hundredth of a micrometre on 10 mm.
+    // An arc whose sagitta is less than this fraction of its chord counts as a line: a hundredth of
+    // a micrometre on 10 mm.
     const FLAT: f64 = 1e-6;
     let turned = (from[0], from[1]) > (to[0], to[1]);
     let (a, c) = if turned { (to, from) } else { (from, to) };
@@ -385,7 +390,7 @@ mod tests {
                 .map(|path| cross([0.0; 2], path.from, path.to))
                 .sum()
         };
-        // Both arcs together are the whole circle.
+        // The short and the long arc together are the whole circle.
         let whole = area(&short) + chords(&short) - area(&long) - chords(&long);
         assert!((whole - TAU).abs() < 1e-12, "{whole}");
         for arc in [&short, &long] {

@@ -10,15 +10,16 @@ use super::{Point, cross, distance};
 pub enum Shape {
     /// A polygon; its last corner is joined to the first.
     Polygon(Vec<Point>),
-    /// Lines and arcs of less than half a circle, end to end; the last ends where the first starts.
+    /// Lines and arcs of less than half a circle, end to end; the last one ends where the first
+    /// starts.
     Outline(Vec<Path>),
     /// A spheroid with its centre on the axis.
     Spheroid {
-        /// Position of the centre, m.
+        /// Position of the centre on the axis, m.
         centre_x_m: f64,
-        /// Radius across the axis, m.
+        /// Semi-axis across the axis, m.
         semi_r_m: f64,
-        /// Half its length along the axis, m.
+        /// Semi-axis along the axis, m.
         semi_x_m: f64,
     },
 }
@@ -32,7 +33,8 @@ impl Shape {
         Self::Polygon(vec![[r0, x0], [r1, x0], [r1, x1], [r0, x1]])
     }
 
-    /// Whether a point lies inside. A point on the outline may give either result.
+    /// Whether a point lies inside the outline. For a point on the outline the result may be
+    /// either.
     #[must_use]
     pub fn contains(&self, [r, x]: Point) -> bool {
         match self {
@@ -46,7 +48,8 @@ impl Shape {
                 inside
             }
             Self::Outline(paths) => {
-                // The polygon of all chords, plus or minus the area of each arc.
+                // Inside the polygon of all chords, corrected by the area between each arc and its
+                // chord.
                 let chords = Self::Polygon(paths.iter().map(|path| path.from).collect());
                 let bulges = paths.iter().filter(|path| path.bulge_contains([r, x]));
                 chords.contains([r, x]) != (bulges.count() % 2 == 1)
@@ -92,7 +95,7 @@ impl Shape {
         }
     }
 
-    /// Corners and ends, from which the extent follows.
+    /// Points that include the extreme positions of the outline in r and in x.
     #[must_use]
     pub fn extremes(&self) -> Vec<Point> {
         match self {
@@ -114,7 +117,7 @@ impl Shape {
         }
     }
 
-    /// Least distance of the corners of each to the other's outline, m.
+    /// Least distance of the corners of each of the two shapes to the outline of the other, m.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
         let mut least = f64::INFINITY;
@@ -130,7 +133,7 @@ impl Shape {
         least
     }
 
-    /// Area of the half-plane's cross-section, m².
+    /// Area enclosed in the half-plane, m².
     #[must_use]
     pub fn area_m2(&self) -> f64 {
         match self {

@@ -2,22 +2,23 @@
 
 use super::{MU_0, Reluctivity};
 
-/// Largest flux density of a table, T. H is at most this over mu0, 4e6 A/m, since B never rises
-/// less than in vacuum.
+/// Largest flux density in a table, T. It also limits H to B/μ₀, 4e6 A/m, since B rises at least as
+/// much as in vacuum.
 const MOST_B_T: f64 = 5.0;
 /// Largest polarisation B − μ₀H, T: iron with a third of cobalt has 2.45 T, more than any other
 /// metal at room temperature (the top of the Slater–Pauling curve).
 const MOST_J_T: f64 = 2.5;
-/// Steepest rise of B, in multiples of vacuum's: the greatest permeability on sale is 1e6 (annealed
-/// cobalt ribbon), and curves rise up to 2.4 times as steeply as their greatest B/H (29 curves of
-/// FEMM's library).
+/// Steepest rise of B with H, in multiples of vacuum's: the greatest permeability on sale is 1e6
+/// (annealed cobalt ribbon), and curves rise up to 2.4 times as steeply as their greatest B/H (29
+/// curves of FEMM's library).
 const MOST_MU_R: f64 = 4e6;
-/// Steepest rise of H between two points, in multiples of vacuum's: rounded tables need a margin.
+/// Steepest rise of H between two points, in multiples of vacuum's: above 1, as a margin for
+/// rounded tables.
 const ROUNDED: f64 = 1.01;
-/// Largest slope at a knot, in multiples of both chords there: up to 3 a cubic rises everywhere (de
-/// Boor and Swartz), below 3 it also has no horizontal tangent.
+/// Largest slope dH/dB at a point, in multiples of the slopes of both chords that meet there: up to
+/// 3 the cubic is monotone (de Boor and Swartz), below 3 it also has no horizontal tangent.
 const STEEPEST: f64 = 2.5;
-/// Field below which ν is that at 0, T.
+/// Flux density below which ν is that at B = 0, T.
 const LEAST_T: f64 = 1e-9;
 
 /// A magnetisation curve through given points, odd in B. Between them H is a monotone cubic
@@ -38,7 +39,7 @@ struct Knot {
     energy_j_per_m3: f64,
 }
 
-/// Reason why points do not define a curve.
+/// Reason why a list of points is not a curve.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CurveError {
     /// Index of the point at which the error was found, from 0.
@@ -60,11 +61,11 @@ impl CurveError {
 }
 
 impl BhCurve {
-    /// Creates a curve through points [H in A/m, B in T]; 0, 0 may be omitted.
+    /// Creates a curve through points [H in A/m, B in T]; the point 0, 0 may be omitted.
     ///
     /// # Errors
     /// [`CurveError`] for fewer than three points, the origin included, and for points that are not
-    /// finite, do not ascend, or belong to no material.
+    /// finite, do not ascend, or cannot belong to any material.
     pub fn through(points: &[[f64; 2]]) -> Result<Self, CurveError> {
         let mut knots = vec![Knot::default()];
         for (index, &[h_a_per_m, b_t]) in points.iter().enumerate() {
@@ -115,7 +116,7 @@ impl BhCurve {
         [last.h_a_per_m, last.b_t]
     }
 
-    /// Rise of B between the last two points, in multiples of vacuum's.
+    /// Slope of B between the last two points, in multiples of vacuum's.
     #[must_use]
     pub fn end_mu_r(&self) -> f64 {
         match self.knots.as_slice() {
@@ -124,7 +125,7 @@ impl BhCurve {
         }
     }
 
-    /// Greatest B/(μ₀H) of the points.
+    /// Greatest relative permeability B/(μ₀H) of the points.
     #[must_use]
     pub fn greatest_mu_r(&self) -> f64 {
         let rises = self.knots.iter().skip(1);
@@ -152,7 +153,7 @@ impl BhCurve {
         }
     }
 
-    /// ν and dν/dB at |B| = `b_t` ≥ 0, T.
+    /// ν in m/H and dν/dB in m/(H T), at |B| = `b_t` ≥ 0, T.
     pub(super) fn reluctivity(&self, b_t: f64) -> Reluctivity {
         let knot = self.at(b_t);
         if b_t < LEAST_T {
@@ -174,12 +175,13 @@ impl BhCurve {
     }
 }
 
-/// Rise of B from one point to another, in multiples of vacuum's.
+/// Slope of B from one point to another, in multiples of vacuum's.
 fn rise(from: &Knot, to: &Knot) -> f64 {
     (to.b_t - from.b_t) / (MU_0 * (to.h_a_per_m - from.h_a_per_m))
 }
 
-/// Checks whether a point may follow another; the error is the problem and what is allowed.
+/// Checks whether a point may follow another in a table; the error is the problem and what is
+/// allowed.
 fn next(last: &Knot, knot: &Knot) -> Result<(), (String, String)> {
     let Knot { h_a_per_m, b_t, .. } = *knot;
     if !h_a_per_m.is_finite() || !b_t.is_finite() {
@@ -212,8 +214,8 @@ fn next(last: &Knot, knot: &Knot) -> Result<(), (String, String)> {
     Ok(())
 }
 
-/// Slopes at the knots: those of parabolas through neighbours, at 0 that of the first chord,
-/// reduced until each cubic is monotone.
+/// Slopes dH/dB at the knots: those of parabolas through each knot and its neighbours, and at B = 0
+/// that of the first chord; reduced where necessary for each cubic to be monotone.
 fn slopes(knots: &[Knot]) -> Vec<f64> {
     let step = |pair: &[Knot]| match pair {
         [a, b] => [b.b_t - a.b_t, (b.h_a_per_m - a.h_a_per_m) / (b.b_t - a.b_t)],
@@ -238,8 +240,8 @@ fn slopes(knots: &[Knot]) -> Vec<f64> {
     slopes
 }
 
-/// Hermite's cubic at the share `t` of the way between two knots; the energy is counted from the
-/// first knot, if it has none.
+/// Hermite's cubic at the fraction `t` of the way between two knots. Its energy includes that of
+/// the first knot: zero if that has not been computed.
 fn between(low: &Knot, high: &Knot, t: f64) -> Knot {
     let d = high.b_t - low.b_t;
     let [h0, h1] = [low.h_a_per_m, high.h_a_per_m];

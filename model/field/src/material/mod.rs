@@ -8,7 +8,7 @@ use std::sync::Arc;
 pub use curve::{BhCurve, CurveError};
 pub use reluctivity::{MU_0, Reluctivity};
 
-/// Magnetisation law of a material. All are isotropic and without hysteresis.
+/// Magnetisation law of a material. All laws are isotropic and without hysteresis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Material {
     /// B = μ₀ μ_r H.
@@ -27,18 +27,20 @@ pub enum Material {
     Metal {
         /// Initial relative permeability μ_i, at least 1.
         initial_mu_r: f64,
-        /// Field at the knee, T.
+        /// Flux density at the knee, T.
         knee_t: f64,
         /// Exponent n, at least 2.
         exponent: f64,
-        /// Share of the metal across the field, above 0 to 1; the rest is air.
+        /// Fraction of the area across the field that is metal, above 0 to 1; the remaining area is
+        /// air.
         fill: f64,
     },
     /// Soft metal by a table of H and B.
     Table {
-        /// The curve through its points.
+        /// The curve through the table's points.
         curve: Arc<BhCurve>,
-        /// Share of the metal across the field, above 0 to 1; the rest is air.
+        /// Fraction of the area across the field that is metal, above 0 to 1; the remaining area is
+        /// air.
         fill: f64,
     },
 }
@@ -66,7 +68,7 @@ impl Material {
         }
     }
 
-    /// The same material far below saturation.
+    /// The linear material with the initial permeability of this one, as far below saturation.
     #[must_use]
     pub fn initially(&self) -> Self {
         Self::Linear {
@@ -74,7 +76,7 @@ impl Material {
         }
     }
 
-    /// Soft metal with a curve.
+    /// Soft metal with a magnetisation curve.
     #[must_use]
     pub fn table(curve: BhCurve) -> Self {
         Self::Table {
@@ -84,8 +86,8 @@ impl Material {
     }
 
     /// Pieces of this material parallel to the field, with air between: H is the same in both, so
-    /// magnetisations average by the share `fill` of the material. Across the pieces the mixture is
-    /// less permeable than this model.
+    /// the mean magnetisation is `fill` times that of the material, where `fill` is its fraction of
+    /// the area. With the field across the pieces the mixture is less permeable than this model.
     #[must_use]
     pub fn diluted(&self, fill: f64) -> Self {
         match *self {
@@ -132,7 +134,7 @@ impl Material {
         }
     }
 
-    /// ν and dν/dB at |B| = `b_t` ≥ 0, T.
+    /// ν in m/H and dν/dB in m/(H T), at |B| = `b_t` ≥ 0, T.
     #[must_use]
     pub fn reluctivity(&self, b_t: f64) -> Reluctivity {
         match *self {
@@ -154,8 +156,8 @@ impl Material {
         }
     }
 
-    /// Flux density in the metal at |B| = `b_t`, and the last one of its table, T; `None` without a
-    /// table.
+    /// Flux density in the metal if the mean flux density is `b_t`, and the last one of its table,
+    /// T; `None` without a table.
     pub(crate) fn in_table_t(&self, b_t: f64) -> Option<[f64; 2]> {
         let Self::Table { curve, fill } = self else {
             return None;
@@ -171,13 +173,15 @@ impl Material {
             return 0.5 * self.reluctivity(b_t).nu * b_t * b_t;
         }
         if let Self::Table { curve, fill } = self {
-            // The energy of the material, from its polynomials, plus that of the air beside it.
+            // Energy of the material, from the cubics of its curve, plus the energy of the air
+            // beside it.
             let air = 1.0 - fill;
             let h = self.reluctivity(b_t).nu * b_t;
             let b_m = (b_t - air * MU_0 * h) / fill;
             return fill * curve.energy_j_per_m3(b_m) + 0.5 * air * MU_0 * h * h;
         }
-        // Gauss–Legendre, 5 points on each of 16 intervals: within 1e-9 for exponents up to 20.
+        // Gauss–Legendre with 5 points on each of 16 intervals is accurate within 1e-9 for
+        // exponents up to 20.
         const PANELS: u32 = 16;
         let width = b_t / f64::from(PANELS);
         let mut sum = 0.0;
@@ -200,12 +204,13 @@ const GAUSS_5: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_5),
 ];
 
-/// H is the positive root of χH² + qH − M_s b = 0, with b = B/μ₀ and q = M_s(1 + χ) − χb.
+/// ν of powder in rubber. H is the positive root of χH² + qH − M_s b = 0, with b = B/μ₀ and q =
+/// M_s(1 + χ) − χb.
 fn powder(b_t: f64, chi: f64, saturation: f64) -> Reluctivity {
     let b = b_t / MU_0;
     let q = saturation * (1.0 + chi) - chi * b;
     let root = (q * q + 4.0 * chi * b * saturation).sqrt();
-    // The sign of q selects the form of the root without cancellation.
+    // The sign of q selects the form of the root that has no cancellation.
     let (nu_r, sum) = if q >= 0.0 {
         (2.0 * saturation / (q + root), q + root)
     } else {
@@ -235,8 +240,9 @@ fn metal(b_t: f64, initial: f64, knee_t: f64, exponent: f64) -> Reluctivity {
     }
 }
 
-/// Material with the share `fill` of a plane, beside air. H is the same in both, so B = fill
-/// B_m + (1 − fill) μ₀ H(B_m): the flux density B_m in the material lies between B and B/fill.
+/// Material that takes the fraction `fill` of an area across the field, beside air. H is the same
+/// in both, so B = fill B_m + (1 − fill) μ₀ H(B_m): the flux density B_m in the material lies
+/// between B and B/fill.
 fn beside_air(b_t: f64, fill: f64, material: impl Fn(f64) -> Reluctivity) -> Reluctivity {
     let air = (1.0 - fill) * MU_0;
     if fill >= 1.0 || b_t <= 0.0 {
@@ -253,8 +259,8 @@ fn beside_air(b_t: f64, fill: f64, material: impl Fn(f64) -> Reluctivity) -> Rel
     let (mut low, mut high) = (b_t, b_t / fill);
     let mut b_m = high;
     let mut last_step = high - low;
-    // Newton's steps; an interval is halved instead if a step leaves the range or does not become
-    // shorter.
+    // Newton's method; a step that leaves the interval of the root, or is not shorter than the one
+    // before, is replaced by halving the interval.
     for _ in 0..100 {
         let (h, differential) = state(b_m);
         let excess = fill * b_m + air * h - b_t;

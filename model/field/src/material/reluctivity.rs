@@ -6,7 +6,7 @@ use crate::geometry::length;
 /// 2019 differs by 5·10⁻¹⁰ and is the one that published closed forms use).
 pub const MU_0: f64 = 4e-7 * core::f64::consts::PI;
 
-/// Reluctivity at a field, with its derivative.
+/// Reluctivity at a flux density, with its derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reluctivity {
     /// ν = H/B, m/H.
@@ -16,8 +16,8 @@ pub struct Reluctivity {
 }
 
 impl Reluctivity {
-    /// Differential reluctivity dH/dB = ν + (dν/dB) B Bᵀ/|B| at a field, T, as a matrix, m/H. The
-    /// second term vanishes at B = 0 for all our materials.
+    /// Differential reluctivity dH/dB = ν + (dν/dB) B Bᵀ/|B| as a matrix, m/H, at the flux density
+    /// `b_t`, T. Its second term vanishes at B = 0 for all materials of this crate.
     #[must_use]
     pub fn differential(&self, b_t: [f64; 2]) -> [[f64; 2]; 2] {
         let size = length(b_t);

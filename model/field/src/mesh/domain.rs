@@ -10,21 +10,22 @@ use crate::geometry::arrangement::Piece;
 use crate::geometry::path::PathCurve;
 use crate::geometry::{Point, distance};
 
-/// Largest circumradius divided by shortest side: 1.3 corresponds to a smallest angle of 22.6°, for
-/// which Ruppert's method is known to terminate with straight lines.
+/// Largest ratio of circumradius to shortest side of a triangle: 1.3 corresponds to a smallest
+/// angle of 22.6°, for which Ruppert's method is known to terminate with straight lines.
 const SLENDEREST: f64 = 1.3;
-/// Largest ratio of length to width of the pieces into which sides of narrow rectangles are
-/// divided.
+/// Largest ratio of length to width of the pieces into which a narrow rectangle is divided.
 const NARROW_PIECE: f64 = 12.0;
-/// [`SLENDEREST`] in narrow rectangles: a little more than half of such a piece. Refinement halves
-/// triangles and keeps their shape: the error of a longer triangle shows late, and hardly as a
+/// Replaces [`SLENDEREST`] in narrow rectangles: a little more than half of [`NARROW_PIECE`], so
+/// that a piece can consist of two triangles. Triangles must not be longer, since refinement halves
+/// triangles and keeps their shape: the error of a longer triangle would show late, and hardly as a
 /// change from mesh to mesh.
 const SLENDEREST_IN_NARROW: f64 = 0.55 * NARROW_PIECE;
-/// Circumradius of the largest triangle divided by the circle's radius, inside and outside. Coarse,
-/// since refinement by the error estimate follows.
+/// Largest circumradius of a triangle relative to the circle's radius, inside and
+/// (`LARGEST_OUTSIDE`) outside of the circle. Coarse, since refinement by the error estimate
+/// follows.
 const LARGEST_INSIDE: f64 = 0.16;
 const LARGEST_OUTSIDE: f64 = 0.4;
-/// Shortest edge divided by the circle's radius.
+/// Edge length below which nothing is divided, relative to the circle's radius.
 const SHORTEST: f64 = 1e-5;
 
 /// Triangulates a design coarsely.
@@ -90,7 +91,7 @@ fn arc_of(circle: &Circle) -> PathCurve {
     }
 }
 
-/// The spaces between neighbouring rings of a coil, as narrow as the copper.
+/// The spaces between neighbouring rings of a coil, which are as thin as the copper.
 fn gaps(design: &Design) -> Vec<Rectangle> {
     let mut gaps = Vec::new();
     for coil in &design.coils {
@@ -110,7 +111,8 @@ fn gaps(design: &Design) -> Vec<Rectangle> {
 
 type Lines = (Vec<Point>, BTreeMap<[u32; 2], KeptSegment>);
 
-/// The plan's pieces, with the sides of narrow rectangles divided.
+/// The lines of the plan as straight or curved segments, with the sides of narrow rectangles
+/// divided.
 fn lines(plan: &MeshPlan) -> Lines {
     let mut vertices = plan.arrangement.vertices.clone();
     for section in &plan.narrow {
@@ -138,7 +140,7 @@ fn lines(plan: &MeshPlan) -> Lines {
     (vertices, segments)
 }
 
-/// The vertices along a piece, including its ends.
+/// The vertices along a piece of a line, including its ends.
 fn stops(plan: &MeshPlan, piece: &Piece, vertices: &mut Vec<Point>) -> Vec<usize> {
     let [from, to] = piece.ends;
     let path = plan.arrangement.path(piece);
@@ -160,8 +162,8 @@ fn stops(plan: &MeshPlan, piece: &Piece, vertices: &mut Vec<Point>) -> Vec<usize
     [from].into_iter().chain(between).chain([to]).collect()
 }
 
-/// Points on both long sides of a narrow rectangle, opposite each other: beside every vertex on
-/// either side, and between them.
+/// Points on both long sides of a narrow rectangle, opposite each other: one beside every vertex of
+/// either side, and others between them.
 fn divide(section: &Rectangle, vertices: &[Point], slack: f64) -> Vec<Point> {
     let lying = section.r_m[1] - section.r_m[0] > section.x_m[1] - section.x_m[0];
     let (long, short) = if lying {
@@ -196,8 +198,8 @@ fn divide(section: &Rectangle, vertices: &[Point], slack: f64) -> Vec<Point> {
     across.collect()
 }
 
-/// Whether another piece has the same ends, as the axis and the half-circle of a sphere: two
-/// vertices can have one line only between them.
+/// Whether another piece with a different curve has the same ends, as the axis and the half-circle
+/// of a sphere have: there can be only one line between two vertices.
 fn has_chord(plan: &MeshPlan, piece: &Piece) -> bool {
     let others = plan.arrangement.pieces.iter();
     let mut alike = others.filter(|other| other.ends == piece.ends);
@@ -224,20 +226,21 @@ fn fill(mesh: &mut Mesh, design: &Design, inside: &MeshTriangulation) {
     mesh.orient();
 }
 
-/// The middle of a triangle, displaced with its curved sides.
+/// The middle of a triangle, moved along with its curved sides.
 fn bent_middle(mesh: &Mesh, [a, b, c]: [u32; 3], mut middle: Point) -> Point {
     for [from, to] in [[a, b], [b, c], [c, a]] {
         let (p, q) = (mesh.position(from), mesh.position(to));
         let on_curve = mesh.curve([from, to]).between(p, q, 0.5);
         for axis in 0..2 {
-            // Share of an edge's curvature that reaches the middle; see `element::shape`.
+            // Fraction of an edge's displacement that reaches the triangle's middle; see
+            // `element::shape`.
             middle[axis] += 4.0 / 9.0 * (on_curve[axis] - 0.5 * (p[axis] + q[axis]));
         }
     }
     middle
 }
 
-/// Triangulates the exterior's half-disc from the vertices of the arc.
+/// Triangulates the half-disc of the exterior, starting from the vertices on the arc.
 fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
     let circle = mesh.circle;
     let curve = arc_of(&circle);

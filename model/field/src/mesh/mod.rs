@@ -2,7 +2,8 @@
 //!
 //! Inside a half-disc of radius R about the design, triangles are at their true positions. The
 //! space outside is a second half-disc of the same size, with infinity at its centre: a point at
-//! the distance ρ from the centre is mapped to R²/ρ. Both share the arc's vertices.
+//! the distance ρ from the centre is mapped to the distance R²/ρ. Both half-discs share the
+//! vertices on the arc.
 
 mod circle;
 mod domain;
@@ -27,11 +28,11 @@ pub const CORNER_M: f64 = 1e-4;
 /// A triangulation.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Positions; in the exterior the mapped ones.
+    /// Positions of the vertices; for the exterior, the mapped positions.
     pub vertices: Vec<Point>,
     /// Triangles.
     pub triangles: Vec<Triangle>,
-    /// Curved edges, by their vertices in ascending order.
+    /// Curves of the curved edges; the key is the edge's vertices in ascending order.
     pub bent: HashMap<[u32; 2], PathCurve>,
     /// Edges on the arc between inside and outside, with vertices in ascending order.
     pub arc: Vec<[u32; 2]>,
@@ -46,14 +47,15 @@ pub struct Mesh {
 /// A triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {
-    /// Vertices in counterclockwise order. The edge from the first to the second is halved next.
+    /// Vertices in counterclockwise order. The edge from the first to the second is the one that is
+    /// halved next.
     pub vertices: [u32; 3],
     /// Index into [`Mesh::regions`].
     pub region: u32,
 }
 
 impl Triangle {
-    /// The edges, each from a vertex to the next.
+    /// The three edges, each from one vertex to the next.
     #[must_use]
     pub fn edges(&self) -> [[u32; 2]; 3] {
         let [a, b, c] = self.vertices;
@@ -61,7 +63,7 @@ impl Triangle {
     }
 }
 
-/// An edge by its vertices in ascending order.
+/// An edge as its vertices in ascending order.
 #[must_use]
 pub fn ascending([a, b]: [u32; 2]) -> [u32; 2] {
     [a.min(b), a.max(b)]

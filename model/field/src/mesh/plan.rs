@@ -15,13 +15,14 @@ const TOLERANCE: f64 = 1e-9;
 pub struct Region {
     /// Whether it belongs to the space outside of the circle.
     pub exterior: bool,
-    /// Index of the part in the design; `None` for non-magnetic regions.
+    /// Index of the magnetic part in the design; `None` for non-magnetic regions.
     pub part: Option<u32>,
-    /// Index of the coil and of its ring.
+    /// Index of the coil, and of the ring within the coil; `None` outside of windings.
     pub ring: Option<[u32; 2]>,
     /// Zone of the core.
     pub zone: Zone,
-    /// Whether it lies between the halves of the stack, at any distance from the axis.
+    /// Whether the region lies in the range along the axis in which the stack is parted for the
+    /// force, at any distance from the axis.
     pub parting: bool,
 }
 
@@ -30,16 +31,16 @@ pub struct Region {
 pub enum Zone {
     /// Outside of the core.
     None,
-    /// In the core, outside three quarters of its radius.
+    /// In the core, beyond three quarters of its radius.
     Whole,
-    /// From half to three quarters of its radius.
+    /// In the core, from half to three quarters of its radius.
     ThreeQuarters,
-    /// Within half its radius.
+    /// In the core, within half its radius.
     Half,
 }
 
 impl Zone {
-    /// The zones with their share of the core's radius.
+    /// The zones, each with its outer radius as a fraction of the core's radius.
     pub const SHARES: [(Self, f64); 3] = [
         (Self::Whole, 1.0),
         (Self::ThreeQuarters, 0.75),
@@ -57,7 +58,7 @@ impl Region {
         parting: false,
     };
 
-    /// Region of a point of the design.
+    /// Region to which a point of the design belongs.
     #[must_use]
     pub fn at(design: &Design, circle: &Circle, point: Point) -> Self {
         if point[0] < 0.0 || circle.distance(point) > circle.radius {
@@ -110,23 +111,23 @@ fn zone_at(design: &Design, [r, x]: Point) -> Zone {
     found.map_or(Zone::None, |(zone, _)| *zone)
 }
 
-/// Lines that a triangulation follows in addition to boards, windings and parts.
+/// Lines that a triangulation follows in addition to the outlines of boards, windings and parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshLines {
-    /// The boundaries of the core and its zones.
+    /// The boundaries of the core and of its zones.
     WithCore,
-    /// None: in a wide design they cost many triangles.
+    /// No additional lines: in a wide design they cost many triangles.
     PartsAlone,
 }
 
-/// Lines that a triangulation has to follow.
+/// The lines that a triangulation has to follow.
 #[derive(Debug)]
 pub(super) struct MeshPlan {
     pub(super) circle: Circle,
     pub(super) arrangement: Arrangement,
     /// Narrow rectangles, in which triangles may be longer than elsewhere.
     pub(super) narrow: Vec<Rectangle>,
-    /// Corners of permeable parts.
+    /// Indices of the vertices at corners of permeable parts.
     pub(super) corners: Vec<usize>,
     tolerance: f64,
 }
@@ -161,8 +162,9 @@ impl MeshPlan {
     }
 }
 
-/// The exterior is exact at any radius. It costs least if the circle leaves about the size of a
-/// triangle around the outermost corner.
+/// Radius of the circle relative to the distance of the outermost corner. The exterior's solution
+/// is exact at any radius; the cost is least if about the size of a triangle is left around that
+/// corner.
 const ROOM: f64 = 1.2;
 
 fn circle_about(design: &Design) -> Circle {
@@ -221,7 +223,7 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
     paths
 }
 
-/// The lines of the core: its zones, and the parting of the stack for the force.
+/// The boundaries of the core's zones, and the planes at which the stack is parted for the force.
 fn core_paths(design: &Design, circle: &Circle) -> Vec<Path> {
     let core = &design.core;
     let shells = Zone::SHARES
@@ -234,7 +236,7 @@ fn core_paths(design: &Design, circle: &Circle) -> Vec<Path> {
     shells.chain(parting).collect()
 }
 
-/// Ratio of the sides from which on a rectangle is narrow.
+/// Ratio of the sides above which a rectangle is narrow.
 const NARROW: f64 = 4.0;
 
 fn narrow(design: &Design) -> Vec<Rectangle> {
@@ -271,9 +273,9 @@ fn as_rectangle(corners: &[Point]) -> Option<Rectangle> {
     })
 }
 
-/// Vertices at which the line between two permeabilities or remanences turns or branches. On the
-/// axis the line continues as its mirror image, so it turns if it does not meet the axis at a right
-/// angle, as at a cone's tip.
+/// Vertices at which the boundary between two permeabilities or remanences turns or branches. On
+/// the axis a boundary continues as its mirror image, so it turns if it does not meet the axis at a
+/// right angle, as at a cone's tip.
 fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<usize> {
     let law = |point: Point| {
         let region = Region::at(design, circle, point);
@@ -316,7 +318,7 @@ fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<u
         .collect()
 }
 
-/// Direction in which a path leaves one of its ends.
+/// Direction in which a path leaves one of its ends, `end`.
 fn direction(path: &Path, end: Point) -> Point {
     let near = if path.from == end {
         path.at(0.001)

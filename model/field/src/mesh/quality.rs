@@ -14,12 +14,12 @@ pub(super) fn circumcircle([a, b, c]: [Point; 3]) -> (Point, f64) {
     ([a[0] + u[0], a[1] + u[1]], u[0].hypot(u[1]))
 }
 
-/// Lengths of the sides.
+/// Lengths of a triangle's sides.
 pub(super) fn sides([a, b, c]: [Point; 3]) -> [f64; 3] {
     [distance(a, b), distance(b, c), distance(c, a)]
 }
 
-/// Whether two segments cross, each between its ends.
+/// Whether two segments cross between their ends.
 pub(super) fn cross_each_other(a: Point, b: Point, c: Point, d: Point) -> bool {
     let opposite = |s: f64, t: f64| (s > 0.0) != (t > 0.0);
     opposite(cross(a, b, c), cross(a, b, d)) && opposite(cross(c, d, a), cross(c, d, b))

@@ -1,7 +1,8 @@
-//! Newest-vertex bisection: halves triangles, and neighbours so that edges match.
+//! Newest-vertex bisection: halves triangles, and those neighbours whose edges would otherwise not
+//! match.
 //!
-//! Only finitely many shapes arise from each first triangle, so angles stay bounded however often
-//! it is halved.
+//! Only finitely many shapes result from each triangle of the first mesh, so angles stay bounded
+//! however often a triangle is halved.
 
 use std::collections::HashMap;
 
@@ -35,8 +36,8 @@ impl Mesh {
         }
     }
 
-    /// Halves the marked triangles, and others until edges match. Returns, for each new triangle,
-    /// the index of the old triangle that contains it.
+    /// Halves the marked triangles, and others until all edges match. Returns, for each new
+    /// triangle, the index of the old triangle that contains it.
     pub fn refine(&mut self, marked: &[bool]) -> Vec<usize> {
         let mut middles = self.edges_to_halve(marked);
         let mut edges: Vec<[u32; 2]> = middles.keys().copied().collect();
@@ -55,8 +56,8 @@ impl Mesh {
         parents
     }
 
-    /// Edges to halve: an edge may be halved only together with the first edge of each of its
-    /// triangles.
+    /// Edges to halve: the first edges of the marked triangles and, until no more are added, the
+    /// first edge of every triangle of which another edge is halved.
     fn edges_to_halve(&self, marked: &[bool]) -> HashMap<[u32; 2], u32> {
         let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
         for (triangle, &marked) in self.triangles.iter().zip(marked) {
@@ -96,7 +97,7 @@ impl Mesh {
         middle
     }
 
-    /// Halves the triangles at singular corners until they are at most `size` long.
+    /// Halves the triangles at singular corners until their longest side is at most `size`.
     pub fn refine_corners(&mut self, size: f64) {
         const MOST: usize = 60;
         for _ in 0..MOST {
@@ -120,7 +121,8 @@ impl Mesh {
     }
 }
 
-/// Halves a triangle whose first edge has a middle; its halves may be halved again.
+/// Halves a triangle whose first edge has a middle; its halves are halved again if their first
+/// edges have a middle too.
 fn halve(triangle: &Triangle, middles: &HashMap<[u32; 2], u32>, out: &mut Vec<Triangle>) {
     let [a, b, c] = triangle.vertices;
     match middles.get(&ascending([a, b])) {

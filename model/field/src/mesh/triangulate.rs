@@ -1,7 +1,7 @@
 //! Delaunay refinement after Ruppert, with spade's constrained triangulation.
 //!
-//! Triangles with a small angle, and too large ones, get their circumcentre as a new vertex; if
-//! that would be too close to a line, the line is halved instead, along its curve.
+//! A triangle with a small angle, or one that is too large, gets its circumcentre as a new vertex;
+//! if that would be too close to a line, the line is halved instead, along its curve.
 
 use std::collections::BTreeMap;
 
@@ -21,23 +21,25 @@ pub(super) struct KeptSegment {
     pub(super) fixed: bool,
 }
 
-/// Requirements on triangles.
+/// Requirements on the triangles of a mesh.
 pub(super) struct QualityLimits<'w> {
     /// Largest circumradius at a position.
     pub(super) size: &'w dyn Fn(Point) -> f64,
     /// Largest ratio of circumradius to shortest side at a position.
     pub(super) slenderest: &'w dyn Fn(Point) -> f64,
-    /// Length below which nothing is divided.
+    /// Length of a side below which nothing is divided, m.
     pub(super) shortest: f64,
 }
 
-/// Largest number of sweeps. Each halves what is too large; a graded domain needs about 12.
+/// Largest number of sweeps over the mesh. Each sweep halves the triangles that are too large; a
+/// graded domain needs about 12.
 const MOST_SWEEPS: usize = 60;
-/// Largest number of vertices of a first triangulation that can be solved: twice as many triangles
-/// have nine times as many cubic unknowns. The built-in designs need a hundredth.
+/// Largest number of vertices of a first triangulation that can be solved: there are twice as many
+/// triangles, and nine times as many unknowns with cubic elements. The built-in designs need a
+/// hundredth of it.
 const MOST_VERTICES: usize = 40_000;
 
-/// Vertices, triangles and the lines that were followed.
+/// Vertices, triangles, and the segments of the lines that were followed.
 pub(super) struct MeshTriangulation {
     pub(super) vertices: Vec<Point>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -70,8 +72,8 @@ pub(super) fn triangulate(
     Ok(work.finish())
 }
 
-/// Halves arcs until each can be replaced by its chord: it is nearly flat, and no vertex lies
-/// between the two.
+/// Halves arcs until each can be replaced by its chord: the arc is nearly flat, and no vertex lies
+/// between arc and chord.
 fn straighten(
     mut vertices: Vec<Point>,
     mut segments: BTreeMap<[u32; 2], KeptSegment>,
@@ -88,7 +90,7 @@ fn straighten(
             }
             let number = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
             vertices.push(arc.middle);
-            // The newest vertex has the greatest number, so the ends are in order.
+            // The newest vertex has the greatest index, so the two ends are in ascending order.
             halved.extend(ends.map(|end| ([end, number], segment)));
         }
         if vertices.len() == before {
@@ -113,22 +115,22 @@ impl Arc {
         }
     }
 
-    /// Whether half of it is at most `shortest` long, m.
+    /// Whether half of the arc is at most `shortest` long, m.
     fn is_shorter(&self, shortest: f64) -> bool {
         distance(self.ends[0], self.middle) <= shortest
     }
 
-    /// Whether the chord can replace it.
+    /// Whether the chord can replace the arc.
     fn is_straight(&self, vertices: &[Point]) -> bool {
-        // Sagitta divided by chord: 0.05 is an arc of 23 degrees.
+        // Largest sagitta of a flat arc as a fraction of its chord: 0.05 is an arc of 23 degrees.
         const FLAT: f64 = 0.05;
-        // Below the resolution of coordinates in metres.
+        // Sagitta as a fraction of the chord that is below the resolution of coordinates in metres.
         const STRAIGHT: f64 = 1e-12;
         let [a, b] = self.ends;
         let foot = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
         let sagitta = distance(self.middle, foot) / distance(a, b);
-        // Intersection of the tangents at its ends: the arc lies in the triangle of the three
-        // points.
+        // Intersection of the tangents at the arc's ends: the arc lies in the triangle of its ends
+        // and this point.
         let tip = [0, 1].map(|axis| 2.0 * self.middle[axis] - foot[axis]);
         sagitta <= STRAIGHT
             || (sagitta <= FLAT
@@ -188,7 +190,7 @@ impl Work {
         }
         self.delaunay.add_constraint(handle(a), handle(b));
         if !self.delaunay.exists_constraint(handle(a), handle(b)) {
-            // A vertex lies on the line.
+            // A vertex lies on the segment.
             return Err(self.touching(a, b));
         }
         self.segments.insert([a.min(b), a.max(b)], segment);
@@ -204,7 +206,7 @@ impl Work {
         ))
     }
 
-    /// Halves a line along its curve.
+    /// Halves a segment along its curve.
     fn halve(&mut self, [a, b]: [u32; 2]) -> Result<(), MeshError> {
         let Some(segment) = self.segments.remove(&[a, b]) else {
             return Ok(());
@@ -218,7 +220,7 @@ impl Work {
         self.keep([middle, b], segment)
     }
 
-    /// Improves every triangle that is bad at the start; returns the number of changes.
+    /// Improves every triangle that is bad when the sweep starts; returns the number of changes.
     fn sweep(&mut self, wish: &QualityLimits<'_>) -> Result<usize, MeshError> {
         let bad: Vec<[u32; 3]> = self
             .triangles()
@@ -272,8 +274,8 @@ impl Work {
         Ok(true)
     }
 
-    /// The line between `from` and `to` that is nearest to `from`, or else one with `to` in its
-    /// circle.
+    /// The segment between `from` and `to` that is nearest to `from`; if there is none, a segment
+    /// whose diametral circle contains `to`.
     fn in_the_way(&self, from: Point, to: Point) -> Option<[u32; 2]> {
         let mut crossed: Option<([u32; 2], f64)> = None;
         let mut encroached = None;
@@ -282,7 +284,8 @@ impl Work {
         for &ends in self.segments.keys() {
             let [a, b] = ends.map(|end| self.at(end));
             let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-            // Most lines are far from both: without a square root this takes a tenth of the time.
+            // Most segments are far from both points: this test without a square root takes a tenth
+            // of the time.
             let (half, apart) = (0.25 * square(a, b), square(to, middle));
             if apart > 2.0 * (half + reach) {
                 continue;

@@ -1,4 +1,4 @@
-//! Files beside a design.
+//! Files that a design refers to.
 
 use std::fs::File;
 use std::io::Read;
@@ -9,11 +9,11 @@ use toml::Spanned;
 use super::Reader;
 use crate::design::{DesignError, FileRead};
 
-/// Largest size of such a file in bytes: a thousand times a table of a data sheet, or a drawing of
-/// 2,000 lines.
+/// Largest size of such a file in bytes: a thousand times that of a data sheet's table, or a
+/// drawing of 2,000 lines.
 const MOST_BYTES: u64 = 2_000_000;
 
-/// A file beside a design.
+/// A file that a design refers to.
 pub(super) struct Beside {
     /// Path, for messages.
     pub(super) file: String,
@@ -22,7 +22,7 @@ pub(super) struct Beside {
 }
 
 impl Beside {
-    /// Creates an error in one of its lines, counted from 1.
+    /// Creates an error message for one of the file's lines, counted from 1.
     pub(super) fn error(
         &self,
         line: usize,
@@ -40,8 +40,8 @@ impl Beside {
 }
 
 impl Reader<'_> {
-    /// Reads a file whose path is relative to the design's folder. Rejects pipes and devices, which
-    /// may never end.
+    /// Reads a file; its path is relative to the design's folder. Rejects pipes and devices, whose
+    /// contents may never end.
     pub(super) fn beside(
         &self,
         name: &Spanned<String>,
@@ -81,7 +81,7 @@ impl Reader<'_> {
         Ok(beside)
     }
 
-    /// Records a summary of a file for the user.
+    /// Stores a summary of a file, to be shown to the user.
     pub(super) fn note(&self, beside: &Beside, summary: String) {
         self.files.borrow_mut().push(FileRead {
             file: beside.file.clone(),
@@ -93,8 +93,8 @@ impl Reader<'_> {
 /// The characters 0x80 to 0x9F of Windows-1252; from 0xA0 on its characters equal Unicode.
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
-/// Decodes UTF-8 without its byte order mark, or else Windows-1252, as in comments and layers of
-/// old drawings. A carriage return alone also ends a line.
+/// Decodes bytes as UTF-8 without a byte order mark, or else as Windows-1252, which old drawings
+/// use in comments and layers. A carriage return alone also ends a line.
 fn text(bytes: Vec<u8>) -> String {
     let text = String::from_utf8(bytes).unwrap_or_else(|error| {
         let character = |&byte: &u8| match byte {

@@ -1,8 +1,7 @@
 //! Outlines from DXF drawings: the part of the ASCII format that a cross-section needs.
 //!
-//! A drawing is a list of groups, a code on one line and its value on the next (Autodesk, DXF
-//! reference, 2012). X is r and Y is x; elevations, invisible entities and paper space are not
-//! read.
+//! A drawing is a list of groups, each a code on one line and its value on the next (Autodesk, DXF
+//! reference, 2012). X is r and Y is x; elevations, invisible entities and paper space are ignored.
 
 use core::f64::consts::TAU;
 
@@ -15,7 +14,7 @@ const UNDERSTOOD: &str = "LINE, ARC, CIRCLE, LWPOLYLINE and POLYLINE: explode bl
 const ASCII: &str = "an ASCII DXF file: lines of group codes, each with its value on the next line";
 /// Largest number of lines and arcs on one layer.
 const MOST_SIDES: usize = 2_000;
-/// Flags of a POLYLINE that is a mesh or a curve through or near its vertices: 2, 4, 16 and 64.
+/// Flags 2, 4, 16 and 64 of a POLYLINE: it is a mesh, or a curve through or near its vertices.
 const NO_OUTLINE: i32 = 2 | 4 | 16 | 64;
 /// Largest number of layers that a message names.
 const MOST_LAYERS: usize = 50;
@@ -24,10 +23,10 @@ const MOST_LAYERS: usize = 50;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drawn {
     pub(super) from: Point,
-    /// A point of the arc; `None` for a line.
+    /// A point between the ends of an arc; `None` for a line.
     pub(super) through: Option<Point>,
     pub(super) to: Point,
-    /// Line of the file.
+    /// Line number in the file.
     pub(super) line: usize,
 }
 
@@ -47,20 +46,20 @@ impl Drawn {
 struct Group<'t> {
     code: i32,
     value: &'t str,
-    /// Line of the value.
+    /// Line number of the value in the file.
     line: usize,
 }
 
-/// Unit of a drawing.
+/// Unit of length of a drawing.
 #[derive(Clone, Copy)]
 pub(super) enum DrawingUnit {
-    /// This unit, m, whatever the drawing states.
+    /// This unit, in m, whatever the drawing states.
     Given(f64),
-    /// The drawing's own unit, or this one, m, if it states none.
+    /// The unit that the drawing states, or this one, in m, if it states none.
     Named(f64),
 }
 
-/// Returns the lines and arcs on a layer of a drawing, and its unit in words.
+/// Returns the lines and arcs on a layer of a drawing, and the drawing's unit in words.
 pub(super) fn drawn(
     beside: &Beside,
     layer: &str,
@@ -112,7 +111,7 @@ pub(super) fn drawn(
     Ok((sides, unit))
 }
 
-/// Decodes a name in which `\U+XXXX` stands for a character.
+/// Decodes a name in which `\U+XXXX` is the character with this code.
 fn unescaped(text: &str) -> String {
     let mut pieces = text.split(r"\U+");
     let mut name = pieces.next().unwrap_or_default().to_owned();
@@ -166,7 +165,7 @@ fn variable<'g, 't>(groups: &'g [Group<'t>], name: &str) -> Option<&'g Group<'t>
     groups.windows(2).find(named).and_then(|pair| pair.last())
 }
 
-/// Unit stated in the drawing, m, and in words.
+/// Unit of length that the drawing states, in m and in words.
 fn insunits(beside: &Beside, groups: &[Group<'_>]) -> Result<Option<(f64, String)>, DesignError> {
     let Some(unit) = variable(groups, "$INSUNITS") else {
         return Ok(None);
@@ -218,7 +217,7 @@ struct Entity<'e, 't> {
 }
 
 impl<'t> Entity<'_, 't> {
-    /// A group of the entity itself, not of its vertices.
+    /// The first group with this code of the entity itself, not of its vertices.
     fn group(&self, code: i32) -> Option<&Group<'t>> {
         let mut own = self.groups.iter().skip(1);
         let mut own = own.by_ref().take_while(|group| group.code != 0);
@@ -257,7 +256,7 @@ impl<'t> Entity<'_, 't> {
         self.number_of(group)
     }
 
-    /// Reads a length, m: at most 10 m.
+    /// Converts a length to m; rejects lengths above 10 m.
     fn length(&self, value: f64, line: usize) -> Result<f64, DesignError> {
         let metres = value * self.unit_m;
         if metres.abs() <= 10.0 {
@@ -276,7 +275,7 @@ impl<'t> Entity<'_, 't> {
         Ok([self.length(r, self.line())?, self.length(x, self.line())?])
     }
 
-    /// Adds the sides that the entity draws.
+    /// Adds the lines and arcs that the entity draws.
     fn draw(&self, sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
         if !["LINE", "ARC", "CIRCLE", "LWPOLYLINE", "POLYLINE"].contains(&self.name()) {
             return Err(self.not_understood());
@@ -316,7 +315,7 @@ impl<'t> Entity<'_, 't> {
         self.beside.error(self.line(), problem, UNDERSTOOD)
     }
 
-    /// Rejects entities in another plane, where X and Y have another meaning.
+    /// Rejects an entity in another plane, in which X and Y have another meaning.
     fn check_plane(&self) -> Result<(), DesignError> {
         match self.group(230) {
             Some(group) if (self.number_of(group)? - 1.0).abs() > 1e-6 => {
@@ -351,14 +350,14 @@ impl<'t> Entity<'_, 't> {
         })
     }
 
-    /// Flag bits; 0 without the group.
+    /// Value of a group with flag bits; 0 if there is no such group.
     fn flags(&self, code: i32) -> i32 {
         let flags = self.text(code).and_then(|flags| flags.parse().ok());
         flags.unwrap_or(0)
     }
 
-    /// Adds a polyline's sides from the groups of its vertices. The bulge of a side is the tangent
-    /// of a quarter of its arc's angle.
+    /// Adds the lines and arcs of a polyline from the groups of its vertices. A side's bulge is the
+    /// tangent of a quarter of the angle of its arc.
     fn polyline(&self, groups: &[Group<'_>], sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
         let mut vertices: Vec<(Point, f64, usize)> = Vec::new();
         for group in groups.iter().skip(1) {
@@ -379,7 +378,7 @@ impl<'t> Entity<'_, 't> {
         let next = vertices.iter().cycle().skip(1);
         for (&(from, bulge, line), &(to, _, _)) in vertices.iter().zip(next).take(count) {
             let [dr, dx] = [to[0] - from[0], to[1] - from[1]];
-            // Counterclockwise arcs bulge to the right of their chord.
+            // A counterclockwise arc bulges to the right of its chord.
             let through = [
                 0.5 * (from[0] + to[0] + bulge * dx),
                 0.5 * (from[1] + to[1] - bulge * dr),

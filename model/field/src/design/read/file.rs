@@ -1,4 +1,4 @@
-//! Entries of a design file.
+//! Entries of a design file, as deserialised.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
-/// A number, or an expression with the parameters.
+/// A number, or an expression that may contain names of parameters.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a number, or a text like \"1.64 + gap\"")]
 pub(super) enum Number {
@@ -146,8 +146,8 @@ pub(super) struct ShapeFile {
     pub(super) semi_x: Option<SpannedNumber>,
 }
 
-/// An entry of an outline: a corner [r, x], or { through = [r, x] }, a point of the arc to the next
-/// corner.
+/// An entry of an outline: a corner [r, x], or { through = [r, x] }, a point on the arc from the
+/// previous corner to the next.
 pub(super) enum OutlineEntry {
     Corner([SpannedNumber; 2]),
     Through([SpannedNumber; 2]),

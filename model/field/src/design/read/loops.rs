@@ -1,18 +1,18 @@
-//! Builds one closed outline from lines and arcs in any order.
+//! Builds one closed outline from lines and arcs that are in any order.
 
 use super::beside::Beside;
 use super::dxf::Drawn;
 use crate::design::DesignError;
 use crate::geometry::{Point, distance};
 
-/// Distance below which two ends are joined, m: more than the rounding of drawings, a tenth of the
-/// thinnest part.
+/// Distance below which the ends of two sides are joined, m: more than the rounding of drawings,
+/// and a tenth of the thinnest part.
 const JOINED_M: f64 = 1e-7;
 
 const MEETING: &str = "lines and arcs that meet within 0.1 um, or end on the axis, r = 0";
 
-/// Orders and reverses the sides so that each starts where the previous one ends. An outline may be
-/// open along the axis.
+/// Orders the sides and reverses some, so that each starts where the previous one ends. An outline
+/// may be open along the axis.
 pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, DesignError> {
     let line = drawn.first().map_or(1, |side| side.line);
     let mut rest: Vec<Drawn> = drawn.into_iter().map(on_axis).filter(has_length).collect();
@@ -33,7 +33,8 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
     };
     let mut start = start;
     if !rest.is_empty() && distance(start.from, end.to) > JOINED_M {
-        // The first side was in the middle of the chain: reverse it and extend the other end.
+        // The first side may be in the middle of the outline: reverse the chain and extend its
+        // other end.
         chain = chain.iter().rev().map(Drawn::reversed).collect();
         extend(beside, &mut chain, &mut rest)?;
         (start, end) = (
@@ -75,7 +76,7 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
     Ok(chain)
 }
 
-/// Extends a chain side by side, while a side has an end where the chain ends.
+/// Extends a chain side by side, as long as an unused side has an end where the chain ends.
 fn extend(
     beside: &Beside,
     chain: &mut Vec<Drawn>,
@@ -113,7 +114,8 @@ fn extend(
     Ok(())
 }
 
-/// The end of a side that is nearest to one of two points: distance, m, position, and its line.
+/// The end of any side that is nearest to one of two points: its distance, m, its position, and the
+/// side's line number.
 fn nearest(places: [Point; 2], sides: &[Drawn]) -> Option<(f64, Point, usize)> {
     let ends = sides
         .iter()
@@ -125,13 +127,14 @@ fn nearest(places: [Point; 2], sides: &[Drawn]) -> Option<(f64, Point, usize)> {
     apart.min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Whether it is longer than a point: programs repeat vertices, and write lines of zero length.
+/// Whether the side is longer than a point: drawing programs repeat vertices and write lines of
+/// zero length.
 fn has_length(side: &Drawn) -> bool {
     let [through, to] = [side.through.unwrap_or(side.from), side.to];
     distance(side.from, through).max(distance(side.from, to)) > JOINED_M
 }
 
-/// Moves ends drawn on the axis exactly onto it.
+/// Moves ends that lie on the axis within the joining distance exactly onto it.
 fn on_axis(side: Drawn) -> Drawn {
     let snapped = |[r, x]: Point| [if r.abs() <= JOINED_M { 0.0 } else { r }, x];
     Drawn {

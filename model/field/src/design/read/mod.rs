@@ -31,8 +31,8 @@ struct ReadMaterial {
 }
 
 impl Design {
-    /// Reads a design from its text. `file` is used in messages; files that the text refers to are
-    /// read from the same folder.
+    /// Reads a design from its text. `file` names the text in messages; files that the text refers
+    /// to are read from the folder of `file`.
     ///
     /// ```
     /// use palpate_field::design::{Design, builtin_text};
@@ -82,12 +82,12 @@ struct Reader<'t> {
     text: &'t str,
     metre: f64,
     parameters: BTreeMap<String, f64>,
-    /// Files beside the text that have been read so far.
+    /// Files that have been read for this design so far.
     files: RefCell<Vec<FileRead>>,
 }
 
-/// Location of the first text of a file, except `about`, with a character that a terminal
-/// interprets.
+/// Location of the first text in a file that contains a control character, which a terminal would
+/// interpret; `about` is not checked.
 fn control_character(text: &str) -> Option<Range<usize>> {
     let mut table = DeTable::parse(text).ok()?.into_inner();
     table.remove("about");
@@ -112,7 +112,7 @@ fn controlling<T>(place: &Spanned<T>, text: &str) -> Option<Range<usize>> {
     text.contains(char::is_control).then(|| place.span())
 }
 
-/// Length of a unit by its name, m.
+/// The unit of length with this name, m.
 fn metre(name: &str) -> Option<f64> {
     match name {
         "m" => Some(1.0),
@@ -142,7 +142,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Adds to an error what was read of files: a drawing in another unit may cause the overlap.
+    /// Adds the summaries of the files read to an error message: for example, a drawing in another
+    /// unit may cause an overlap.
     fn with_files(&self, mut error: DesignError) -> DesignError {
         for file in self.files.take() {
             if error.file == self.file {
@@ -200,7 +201,7 @@ impl Reader<'_> {
         ))
     }
 
-    /// Reads a length: at most 10 m from the origin.
+    /// Reads a length, m; rejects more than 10 m.
     fn length(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.number(value, place)? * self.metre;
         if metres.abs() <= 10.0 {
@@ -210,7 +211,7 @@ impl Reader<'_> {
         Err(self.error(&value.span(), place, problem, "-10 m to 10 m"))
     }
 
-    /// Reads a distance from the axis.
+    /// Reads a distance from the axis, m; rejects negative ones.
     fn radius(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.length(value, place)?;
         if metres >= 0.0 {

@@ -15,7 +15,7 @@ use crate::geometry::shape::Shape;
 
 const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] }, { outline_dxf = \"FILE\", layer = \"NAME\", drawing_unit = \"mm\" (where the drawing does not say it) } or { centre_x, semi_r, semi_x }";
 const ARCS: &str = "corner, { through = [r, x] }, corner: an arc from one to the other through a point beside their line";
-/// Largest total number of rings, far more than any board has.
+/// Largest number of rings in all coils together, far more than any board has.
 const MOST_RINGS: usize = 2_000;
 /// Largest number of corners of one outline.
 const MOST_CORNERS: usize = 2_000;
@@ -101,7 +101,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Current of a coil that is not in series with the others.
+    /// Constant current of a coil that is not in series with the others, A.
     fn own_current_a(&self, coil: &CoilFile, place: &str) -> Result<Option<f64>, DesignError> {
         let Some(current) = &coil.current else {
             return Ok(None);
@@ -168,7 +168,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Reads how a body is cut, and its remaining share.
+    /// Reads how a body is cut; returns the cut and the remaining fraction of the body's area.
     fn cut(
         &self,
         part: &PartFile,
@@ -316,7 +316,7 @@ impl Reader<'_> {
         let beside = self.beside(name, &format!("{place}.outline_dxf"))?;
         let (drawn, unit) = drawn(&beside, layer, unit)?;
         let drawn = closed(&beside, drawn)?;
-        // Programs write a bulge of rounding size for a straight side.
+        // Drawing programs write a tiny bulge, due to rounding, for a straight side.
         let bent = |side: &Drawn, through| Path::arc_through(side.from, through, side.to).is_some();
         let side = |side: &Drawn| Side {
             from: side.from,
@@ -345,8 +345,8 @@ impl Reader<'_> {
     }
 }
 
-/// Joins sides that each end where the next starts into an outline; on failure returns the index of
-/// the wrong side, the problem and what is allowed.
+/// Joins sides, of which each ends where the next one starts, to an outline. On failure returns the
+/// index of the wrong side, the problem and what is allowed.
 fn joined(sides: &[Side]) -> Result<Shape, (usize, &'static str, &'static str)> {
     if sides.iter().all(|side| side.through.is_none()) {
         return Ok(Shape::Polygon(sides.iter().map(|side| side.from).collect()));
@@ -375,7 +375,8 @@ fn joined(sides: &[Side]) -> Result<Shape, (usize, &'static str, &'static str)> 
     Ok(Shape::Outline(paths))
 }
 
-/// A side of an outline: its start, and a point of its arc, with their location in the file.
+/// A side of an outline: its start and, for an arc, a point on it; each with its location in the
+/// file.
 struct Side {
     from: Point,
     through: Option<(Point, usize)>,

@@ -1,4 +1,4 @@
-//! Reading tables of H and B.
+//! Reading tables of H and B from files.
 
 use toml::Spanned;
 
@@ -12,7 +12,7 @@ const COLUMNS: &str = "two columns, H in A/m and B in T; decimal commas with ; o
 const MOST_POINTS: usize = 10_000;
 
 impl Reader<'_> {
-    /// Reads the curve of a table in a file.
+    /// Reads the magnetisation curve from a table in a file.
     pub(super) fn bh_table(
         &self,
         name: &Spanned<String>,
@@ -43,8 +43,8 @@ impl Reader<'_> {
     }
 }
 
-/// Reads H and B of a row, separated by semicolons, tabs, blanks or commas. If a semicolon or a tab
-/// separates the columns, a comma is a decimal mark.
+/// Reads H and B from a row, in which semicolons, tabs, blanks or commas separate the columns. If a
+/// semicolon or a tab does, a comma is a decimal mark.
 fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignError> {
     let decimal_comma = row.contains([';', '\t']) && row.contains(',');
     if decimal_comma && row.contains('.') {
@@ -66,12 +66,12 @@ fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignErro
     Ok([number(h)?, number(b)?])
 }
 
-/// Converts a point from two columns of other contents to A/m and T.
+/// Converts a row whose two columns contain other quantities or units to H in A/m and B in T.
 type Reading = fn([f64; 2]) -> [f64; 2];
 
 /// One oersted, A/m.
 const OERSTED: f64 = 1e3 / (4.0 * core::f64::consts::PI);
-/// Common other contents of two columns in programs and data sheets.
+/// Other quantities and units that the two columns of programs and data sheets often contain.
 const READINGS: [(&str, Reading); 9] = [
     ("B in T before H in A/m: swap the columns", |[b, h]| [h, b]),
     ("H in A/m and B in mT", |[h, b]| [h, 1e-3 * b]),
@@ -84,7 +84,7 @@ const READINGS: [(&str, Reading); 9] = [
     ("H and M in A/m", |[h, m]| [h, MU_0 * (m + h)]),
 ];
 
-/// Likely other contents of the columns, as an addition to a message.
+/// Quantities and units that the columns probably contain, as an addition to an error message.
 fn suspicion(points: &[[f64; 2]]) -> String {
     let fits = |reading: &Reading| plausible(points.iter().map(|&point| reading(point)));
     let readings = READINGS.iter().filter(|(_, reading)| fits(reading));
@@ -96,7 +96,8 @@ fn suspicion(points: &[[f64; 2]]) -> String {
 }
 
 /// Whether points resemble those of a soft magnetic material: B rises with H, by at least four
-/// fifths of vacuum's rise, to a polarisation of 0.05 to 2.5 T; the permeability is 1 to 1e6.
+/// fifths of its rise in vacuum, to a polarisation of 0.05 to 2.5 T; the relative permeability is 1
+/// to 1e6.
 fn plausible(points: impl Iterator<Item = [f64; 2]>) -> bool {
     let points: Vec<[f64; 2]> = points.filter(|[h, _]| *h != 0.0).collect();
     let rises = |[h0, b0]: &[f64; 2], [h, b]: &[f64; 2]| h > h0 && b - b0 >= 0.8 * MU_0 * (h - h0);
@@ -107,8 +108,8 @@ fn plausible(points: impl Iterator<Item = [f64; 2]>) -> bool {
         && end.is_some_and(|j| (0.05..2.5).contains(&j))
 }
 
-/// Final slope, in multiples of vacuum's, above which a table is not saturated, or H is in kA/m or
-/// Oe: of the 29 curves of FEMM's library, 28 end below 14.
+/// Greatest slope at the end of a table, in multiples of vacuum's. Above it, the table ends before
+/// saturation, or H is in kA/m or Oe: of the 29 curves of FEMM's library, 28 end below 14.
 const UNSATURATED: f64 = 50.0;
 
 /// Summary of the table in words.
