@@ -1,14 +1,15 @@
 //! A monotone curve through calibration points.
 //!
-//! Calibration gives pairs: inductance change and deformation, current and stiffening. Between them
-//! the curve must stay monotone, or one reading would mean two deformations, and smooth, because
-//! its slope turns a sigma of the reading into a sigma of the deformation. A cubic spline
-//! overshoots; this is the piecewise cubic Hermite interpolant with the slopes of Fritsch and
-//! Butland (*A method for constructing local monotone piecewise cubic interpolants*, SIAM J. Sci.
-//! Stat. Comput. 5, 1984), known as PCHIP. It meets the sufficient condition of Fritsch and Carlson
-//! (SIAM J. Numer. Anal. 17, 1980): no slope above three times a neighbouring secant's.
+//! Calibration gives pairs of values: inductance change and deformation, current and stiffening.
+//! The curve between the points must be monotone, or one reading would mean two deformations, and
+//! smooth, because its slope converts a sigma of the reading to a sigma of the deformation. A cubic
+//! spline overshoots; this is the piecewise cubic Hermite interpolant with the slopes of Fritsch
+//! and Butland (*A method for constructing local monotone piecewise cubic interpolants*, SIAM J.
+//! Sci. Stat. Comput. 5, 1984), known as PCHIP. It meets the sufficient condition of Fritsch and
+//! Carlson (SIAM J. Numer. Anal. 17, 1980): no slope at a point above three times the slope of
+//! either neighbouring secant.
 //!
-//! Between samples of a smooth function at spacing h the error falls at least as h^3.
+//! Between points of a smooth function at the spacing h, the error falls at least as fast as h^3.
 
 use core::fmt;
 
@@ -29,7 +30,7 @@ pub struct MonotoneCurve<const N: usize> {
     len: usize,
 }
 
-/// Reason why points do not define a curve.
+/// Reason why a list of points is not a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -46,8 +47,8 @@ pub enum CurveError {
         /// Number of points that fit.
         capacity: usize,
     },
-    /// The point at `index` is infinite or NaN, or so close to the previous one that the secant
-    /// overflows.
+    /// The point at `index` is infinite or NaN, or so close to the previous one that the slope of
+    /// the secant overflows.
     NotFinite {
         /// Index of the point.
         index: usize,
@@ -57,7 +58,8 @@ pub enum CurveError {
         /// Index of the point.
         index: usize,
     },
-    /// The value at `index` equals the previous one or reverses the direction.
+    /// The value at `index` equals the previous one, or rises where the values before it fall or
+    /// vice versa.
     NotMonotone {
         /// Index of the point.
         index: usize,
@@ -93,13 +95,13 @@ pub struct CurvePoint {
     pub value: f32,
     /// Derivative of the value with respect to the argument.
     pub slope: f32,
-    /// Whether the argument lies outside the calibration points; value and slope then continue the
-    /// tangent at the end.
+    /// Whether the argument lies outside the range of the calibration points; value and slope are
+    /// then those of the tangent at the nearest end.
     pub extrapolated: bool,
 }
 
 impl CurvePoint {
-    /// Standard deviation of the value for an argument with standard deviation `sigma`, to first
+    /// Standard deviation of the value if the argument has the standard deviation `sigma`, to first
     /// order.
     pub const fn sigma(&self, sigma: f32) -> f32 {
         self.slope.abs() * sigma
@@ -141,9 +143,10 @@ impl<const N: usize> MonotoneCurve<N> {
 
     /// Value and slope at `x`.
     ///
-    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`; rounding can
-    /// reverse it by at most 6 ulp of the larger of the segment's two end values (4 were seen in
-    /// 4e7 random pairs), never beyond those end values. At a calibration point the value is exact.
+    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`. By rounding
+    /// it may change against that direction by at most 6 ulp of the larger of the segment's two end
+    /// values (4 occurred in 4e7 random pairs), but it is never beyond those end values. At a
+    /// calibration point the value is exact.
     pub fn at(&self, x: f32) -> CurvePoint {
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
         let above = knots.partition_point(|knot| knot.x < x);
@@ -166,7 +169,7 @@ impl<const N: usize> MonotoneCurve<N> {
         knots.iter().map(|knot| (knot.x, knot.y))
     }
 
-    /// Checksum over points and slopes; differs when any one of them differs.
+    /// Checksum over points and slopes, to compare curves.
     ///
     /// ```
     /// use palpate_model::calibration_curve::MonotoneCurve;
@@ -176,8 +179,9 @@ impl<const N: usize> MonotoneCurve<N> {
     /// # Ok::<(), palpate_model::calibration_curve::CurveError>(())
     /// ```
     pub fn checksum(&self) -> u32 {
-        // Each step is invertible, so no change of a single word is lost; the factor is 2^32 over
-        // the golden ratio, odd, as usual for this purpose.
+        // Each step is invertible, so a change of a single word always changes the result. The
+        // factor is 2^32 divided by the golden ratio, rounded to an odd number, as usual for
+        // hashes.
         let mix = |sum: u32, word: u32| (sum.rotate_left(5) ^ word).wrapping_mul(0x9E37_79B9);
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
         let words = knots.iter().flat_map(|of| [of.x, of.y, of.slope]);
@@ -201,7 +205,8 @@ impl Knot {
         }
     }
 
-    /// The cubic between this knot and `right`, expanded about the nearer of the two.
+    /// Value and slope at `x` of the cubic between this knot and `right`, expanded about the nearer
+    /// of the two.
     fn towards(&self, right: &Self, x: f32) -> CurvePoint {
         let width = right.x - self.x;
         let secant = (right.y - self.y) / width;
@@ -210,9 +215,9 @@ impl Knot {
         } else {
             (right, self)
         };
-        // Hermite's cubic as the secant plus the deviations of the two slopes from it, with s the
-        // distance from `near` in units of the width, at most a half: at that point the cubic has
-        // covered at most 7/8 of the step to `far`, so rounding does not carry it beyond.
+        // Hermite's cubic is written as the secant plus the deviations of the two slopes from it.
+        // `s` is the distance from `near` in units of the width, at most a half: there the cubic
+        // has covered at most 7/8 of the step to `far`, so rounding does not carry it beyond `far`.
         let way = x - near.x;
         let s = way.abs() / width;
         let rest = 1.0 - s;
@@ -261,7 +266,7 @@ fn validate(points: &[(f32, f32)]) -> Result<(), CurveError> {
 }
 
 /// Sets the slopes: Fritsch and Butland's at inner points, the limited three-point formula at the
-/// ends.
+/// two ends.
 fn set_slopes(knots: &mut [Knot], points: &[(f32, f32)]) {
     match points {
         [a, b] => knots
@@ -289,7 +294,7 @@ fn set_slopes(knots: &mut [Knot], points: &[(f32, f32)]) {
     }
 }
 
-/// Width and secant slope of a segment.
+/// Width of a segment, and slope of its secant.
 #[derive(Clone, Copy)]
 struct Chord(f32, f32);
 
@@ -299,7 +304,8 @@ impl Chord {
     }
 }
 
-/// Weighted harmonic mean of two secants of the same sign: at most three times the smaller.
+/// Weighted harmonic mean of the slopes of two secants with the same sign: at most three times the
+/// smaller slope.
 fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     let (w0, w1) = (2.0 * h1 + h0, h1 + 2.0 * h0);
     // (w0 + w1) / (w0/d0 + w1/d1), arranged so that no quotient of extreme values overflows.
@@ -312,8 +318,9 @@ fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     small / (weight + (1.0 - weight) * (small / large))
 }
 
-/// Slope at the end of the parabola through the last three points, or zero if it would reverse. At
-/// most twice the end's own secant, since the two secants have the same sign.
+/// Slope of the parabola through the last three points at the last one, or zero if it would have
+/// the wrong sign. It is at most twice the slope of the end's own secant, since both secants have
+/// the same sign.
 fn end_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     let slope = d0 + (d0 - d1) * (h0 / (h0 + h1));
     let sign = d0.signum();

@@ -1,15 +1,15 @@
-//! Coverage factor of normal and uniform errors together.
+//! Coverage factor of a sum of normal and uniform errors.
 
 use crate::math::student::NORMAL_975;
 
-/// Half the width of a 95 % interval in standard errors, if the part `uniform` of the standard
-/// error comes from errors that are uniform within limits and the rest is normal: from 1.960 for 0
-/// down to 1.645 for 1.
+/// Half the width of a 95 % interval in standard errors. `uniform` is the standard deviation of the
+/// errors that are uniform within limits, divided by the standard error; all other errors are
+/// normal. The result is 1.960 for 0 and falls to 1.645 for 1.
 ///
-/// An error within limits has no tails: 1.96 of its standard errors contain all of it, and 1.645
-/// contain 95 % (JCGM 100:2008, 4.3.7 and G.1.2). Between the two the distribution is the
-/// convolution of both; a polynomial in the fourth power, the lowest in which it departs from the
-/// normal one, is within 0.002 of its quantile.
+/// A uniform error has no tails: 1.96 of its standard errors contain all of it, and 1.645 contain
+/// 95 % (JCGM 100:2008, 4.3.7 and G.1.2). In between, the distribution is the convolution of both;
+/// a polynomial in the fourth power of `uniform`, the lowest power in which it departs from the
+/// normal distribution, is within 0.002 of its quantile.
 ///
 /// ```
 /// use palpate_model::uncertainty::coverage_factor;

@@ -1,8 +1,9 @@
 //! Current burst that removes an elastomer's magnetic memory.
 //!
 //! An alternating current of falling amplitude, I(t) = I_0 exp(-t/tau) sin(2 pi f t), takes the
-//! material through ever smaller loops towards zero. Only the decay matters, not the exact values,
-//! so the burst is computed with the coarse functions of [`math::coarse`](crate::math::coarse).
+//! material through ever smaller hysteresis loops towards zero. Only the decay matters, not the
+//! exact values, so the burst is computed with the coarse functions of
+//! [`math::coarse`](crate::math::coarse).
 
 use crate::math::coarse;
 use crate::units::{Ampere, Hertz, OutOfRange, Second};
@@ -46,8 +47,9 @@ impl Burst {
         self.amplitude * (envelope * coarse::sin_turns(time.0 * self.frequency.0))
     }
 
-    /// Time until the envelope has fallen to `residual`: tau ln(I_0/residual), relative error at
-    /// most 3.0e-7 for a residual below half of I_0; zero for one that is not below I_0.
+    /// Time until the envelope has fallen to `residual`: tau ln(I_0/residual), with a relative
+    /// error of at most 3.0e-7 for a residual below half of I_0. Zero if the residual is not below
+    /// I_0.
     pub fn duration(&self, residual: Ampere) -> Second {
         let ratio = self.amplitude / residual;
         if ratio > 1.0 {

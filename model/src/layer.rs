@@ -1,13 +1,13 @@
 //! Stiffness of a layer bonded between two rigid plates.
 //!
 //! Rubber keeps its volume, so a bonded layer can only yield by bulging at its rim, and a wide thin
-//! one can hardly bulge. Gent and Lindley (*The compression of bonded rubber blocks*, Proc. Inst.
-//! Mech. Eng. 173, 1959): the apparent modulus is
+//! layer can hardly bulge. By Gent and Lindley (*The compression of bonded rubber blocks*, Proc.
+//! Inst. Mech. Eng. 173, 1959), the apparent modulus is
 //!
 //! E_a = E (1 + 2 S^2), S = loaded area / free area, which is r/(2 h) for a disc,
 //!
-//! and c = E_a A / h. A disc of r = 30 mm, h = 5 mm is 19 times as stiff as E A / h. The formula
-//! holds for E much below the bulk modulus (S up to about 10) and small strain.
+//! and the stiffness is c = E_a A / h. A disc of r = 30 mm, h = 5 mm is 19 times as stiff as E A /
+//! h. The formula holds for E much below the bulk modulus (S up to about 10) and small strain.
 
 use crate::units::{Metre, NewtonPerMetre, OutOfRange, Pascal};
 use core::f32::consts::PI;
@@ -49,7 +49,7 @@ impl BondedDisc {
     }
 }
 
-/// Apparent modulus E_a = E (1 + 2 S^2) of any other shape with shape factor S.
+/// Apparent modulus E_a = E (1 + 2 S^2) of a layer of any shape, given its shape factor S.
 pub fn apparent_modulus(modulus: Pascal, shape_factor: f32) -> Pascal {
     modulus * (1.0 + 2.0 * shape_factor * shape_factor)
 }

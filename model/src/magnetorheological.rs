@@ -1,13 +1,13 @@
 //! Stiffness of the actuated layer as a function of the coil's current.
 //!
-//! A magnetosensitive elastomer stiffens with the field, quadratically at first, then less:
-//! E(B) = E_0 [1 + R s], s = B^2 / (B^2 + Bc^2), and B is proportional to the current I. With
-//! the relative rise rho(I) the actuated spring and the estimator's regressor are
+//! A magnetosensitive elastomer stiffens with the field, quadratically at first, then less: E(B) =
+//! E_0 [1 + R s], s = B^2 / (B^2 + Bc^2), where B is proportional to the current I. With the
+//! relative rise rho(I), the actuated spring and the estimator's regressor are
 //!
 //! c_D(I) = c_D0 (1 + rho(I)), g(I) = c_S / c_D(I),
 //!
-//! and the estimator uses g as a deviation from g_0 = c_S/c_D0, h = g - g_0 = -g_0 rho/(1 + rho).
-//! In this form it keeps the seven digits of `f32` for any rho, while 1 - (1 - 0.005) would keep
+//! and the estimator uses the deviation of g from g_0 = c_S/c_D0, h = g - g_0 = -g_0 rho/(1 + rho).
+//! In this form h keeps the seven digits of `f32` for any rho, while 1 - (1 - 0.005) would keep
 //! five. No published table gives R and Bc for the materials in question, so the numbers come from
 //! a board's own calibration, as a law of this form or as a table.
 
@@ -33,7 +33,7 @@ pub struct Rise {
 pub struct Regressor {
     /// Deviation h = g(I) - g(0), zero or negative.
     pub deviation: f32,
-    /// Derivative dg/dI, 1/A: turns a sigma of the current into a sigma of the regressor.
+    /// Derivative dg/dI, 1/A: converts a sigma of the current to a sigma of the regressor.
     pub per_ampere: f32,
 }
 
@@ -43,7 +43,7 @@ pub trait Stiffening {
     /// Spring without current, c_D0.
     fn at_rest(&self) -> NewtonPerMetre;
 
-    /// Relative rise rho(I), even in the current.
+    /// Relative rise rho(I); the sign of the current does not matter.
     fn rise(&self, current: Ampere) -> Rise;
 
     /// Spring at a current, c_D(I) = c_D0 (1 + rho(I)).
@@ -51,14 +51,14 @@ pub trait Stiffening {
         self.at_rest() * (1.0 + self.rise(current).value)
     }
 
-    /// Reference ratio g_0 = c_S/c_D0 of [`regressor`](Self::regressor).
+    /// Ratio g_0 = c_S/c_D0, from which [`regressor`](Self::regressor) states the deviation.
     fn reference_ratio(&self, sensing: NewtonPerMetre) -> f32 {
         sensing / self.at_rest()
     }
 
     /// Regressor at a current: h(I) = g(I) - g(0) and dg/dI = -g_0 rho'/(1 + rho)^2.
     ///
-    /// Relative error of both at most 4.0e-7, without the error of the rise.
+    /// Relative error of both at most 4.0e-7, in addition to the error of the rise.
     fn regressor(&self, sensing: NewtonPerMetre, current: Ampere) -> Regressor {
         let rise = self.rise(current);
         let stiffened = 1.0 + rise.value;
@@ -70,18 +70,18 @@ pub trait Stiffening {
     }
 }
 
-/// Deviation h = g - g_0 = -g_0 rho/(1 + rho) for a given rise, such as a rise that lags behind the
-/// current.
+/// Deviation h = g - g_0 = -g_0 rho/(1 + rho) for a given rise, for example one that lags behind
+/// the current.
 pub fn deviation(reference_ratio: f32, rise: f32) -> f32 {
     -reference_ratio / (1.0 + rise) * rise
 }
 
-/// Addition to h for the mutual attraction of the two halves of the actuated layer, which has the
-/// spring c_D(I), with the force `pull`.
+/// Addition to h for the force `pull` with which the two halves of the actuated layer attract each
+/// other; the layer has the spring `actuated`, c_D(I).
 ///
-/// The pull shortens the layer by p = f/c_D(I), so x (1 + kappa + g) = x_0 - p: the same as a
-/// regressor g + p/x, with the deformation x as read. Without it, 0.3 mN/A^2 at 10 A causes an
-/// error of 40 % of c_L on the stack of the table in the crate's README.
+/// The attraction f shortens the layer by p = f/c_D(I), so x (1 + kappa + g) = x_0 - p. That is the
+/// same as a regressor g + p/x, with the deformation x as read. If the addition is omitted, 0.3
+/// mN/A^2 at 10 A causes an error of 40 % of c_L on the stack of the table in the crate's README.
 pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) -> f32 {
     pull / actuated / deformation
 }
@@ -90,8 +90,8 @@ pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) ->
 ///
 /// rho(I) = eps s(I)/s(I_peak) = eps y (1 + r^2)/(1 + r^2 y), y = (I/I_peak)^2,
 ///
-/// with r = B_peak/Bc, the field at the peak current in units of the half-way field. r = 0 is the
-/// purely quadratic law. Relative error of the rise at most 6.0e-7.
+/// where r = B_peak/Bc is the field at the peak current in units of the field of half the rise; r =
+/// 0 is the purely quadratic law. Relative error of the rise at most 6.0e-7.
 ///
 /// ```
 /// use palpate_model::magnetorheological::{Saturating, Stiffening};
@@ -137,8 +137,8 @@ impl Saturating {
         }
     }
 
-    /// The saturating law with the same rise at the peak: `at_peak` is B at the peak current,
-    /// `half` is Bc.
+    /// The saturating law with the same rise at the peak current. `at_peak` is B at the peak
+    /// current, `half` is Bc.
     pub fn saturating(self, at_peak: Tesla, half: Tesla) -> Result<Self, OutOfRange> {
         let ratio = Tesla::non_negative(at_peak.0)? / Tesla::positive(half.0)?;
         let saturation = OutOfRange::check(ratio * ratio, Requirement::NonNegative)?;
@@ -150,8 +150,8 @@ impl Saturating {
         self.rise_at_peak
     }
 
-    /// Logarithmic slope d ln rho / d ln I = 2/(1 + r^2 y): the weight of a relative error of the
-    /// current's gain. Two for the quadratic law.
+    /// Logarithmic slope d ln rho / d ln I = 2/(1 + r^2 y): relative error of the rise per relative
+    /// error of the current. It is two for the quadratic law.
     pub fn logarithmic_slope(&self, current: Ampere) -> f32 {
         let relative = current / self.peak;
         2.0 / (1.0 + self.saturation * relative * relative)
@@ -179,9 +179,9 @@ impl Stiffening for Saturating {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Factors {
-    /// Factor of c_S and c_D0, common to both, so that c_S/c_D0 stays.
+    /// Factor of both c_S and c_D0, so their ratio c_S/c_D0 does not change.
     pub springs: f32,
-    /// Factor of the rise, the same at all currents.
+    /// Factor of the rise; it is the same at all currents.
     pub rise: f32,
 }
 
@@ -192,8 +192,8 @@ impl Factors {
         rise: 1.0,
     };
 
-    /// Factors at a temperature that is `warmer_k` above the calibration's, with coefficients in
-    /// 1/K: each factor is exp(b dT). Relative error at most 1.2e-7 + 6e-8 b dT.
+    /// Factors at a temperature `warmer_k` above that of the calibration, with coefficients in 1/K:
+    /// each factor is exp(b dT). Relative error at most 1.2e-7 + 6e-8 b dT.
     pub fn at(warmer_k: f32, springs_per_k: f32, rise_per_k: f32) -> Self {
         Self {
             springs: exp(springs_per_k * warmer_k),
@@ -202,7 +202,7 @@ impl Factors {
     }
 }
 
-/// A calibrated stiffening, changed by factors.
+/// A calibrated stiffening, modified by factors.
 ///
 /// ```
 /// use palpate_model::magnetorheological::{Changed, Factors, Saturating, Stiffening};
@@ -218,7 +218,7 @@ impl Factors {
 pub struct Changed<S> {
     /// The stiffening as calibrated.
     pub law: S,
-    /// The factors of change.
+    /// The factors that modify it.
     pub by: Factors,
 }
 
@@ -239,7 +239,7 @@ impl<S: Stiffening> Stiffening for Changed<S> {
 /// A calibrated table of the rise against the current, interpolated monotonically.
 ///
 /// The table starts at zero current and zero rise. Beyond its end the tangent continues, which
-/// overstates a saturating rise: calibrate up to the peak that will be used.
+/// overstates a saturating rise: calibrate up to the largest current that will be used.
 ///
 /// ```
 /// use palpate_model::calibration_curve::MonotoneCurve;

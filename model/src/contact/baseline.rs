@@ -3,24 +3,24 @@
 use crate::math;
 use crate::units::{Metre, Second};
 
-/// A straight line through the past readings with fading weights (alpha-beta filter, critically
-/// damped: discounted least squares of degree one, after Morrison, *Introduction to Sequential
-/// Smoothing and Prediction*, 1969), and their mean over the same memory.
+/// A straight line through the past readings, whose weights fade with age (alpha-beta filter,
+/// critically damped: discounted least squares of degree one, after Morrison, *Introduction to
+/// Sequential Smoothing and Prediction*, 1969), and the readings' mean with the same memory.
 ///
-/// The memory grows with the learning time, up to a limit. An elastomer recovers from a press on
-/// all time scales, fast at first: a line through an eighth of the time since the release follows
-/// it. A part of the recovery of size A leaves an error of at most 0.009 A, whatever its time
-/// constant.
+/// The memory grows with the time for which the baseline learns, up to a limit. An elastomer
+/// recovers from a press on all time scales, fast at first: a line through the last eighth of the
+/// time since the release follows the recovery. A component of the recovery of size A causes an
+/// error of at most 0.009 A, whatever its time constant.
 ///
-/// The line follows a steady drift without lag. Once the memory has grown, the variance of the
+/// The line follows a steady drift without lag. Once the memory has grown, the variance of its
 /// prediction is 1.25/`memory` of the variance of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Baseline {
     memory: f32,
     readings: u32,
-    /// Number of readings in the memory now, and the fraction of the past that each reading
-    /// displaces.
+    /// Number of readings in the memory now, and (`forgotten`) the fraction of the past that each
+    /// reading displaces.
     window: f32,
     forgotten: f32,
     /// The first reading. All other values are stored as deviations from it, since slow corrections
@@ -32,11 +32,11 @@ pub struct Baseline {
     mean: f32,
 }
 
-/// Memory as a fraction of the readings since the start: a recovery a exp(-t/tau) departs from a
-/// line over t/8 by at most a (t/8 tau)^2 exp(-t/tau), 0.0085 a.
+/// Memory as a fraction of the number of readings since the start: a recovery a exp(-t/tau) departs
+/// from a straight line over the time t/8 by at most a (t/8 tau)^2 exp(-t/tau), 0.0085 a.
 const OF_THE_PAST: f32 = 0.125;
 
-/// Smallest memory, in readings: with fewer, a line is no better than its last reading.
+/// Smallest memory, in readings: with less, a line is no better than the last reading.
 const LEAST_MEMORY: f32 = 2.0;
 
 /// Deviation of a reading from its prediction.
@@ -44,16 +44,16 @@ const LEAST_MEMORY: f32 = 2.0;
 pub struct Deviation {
     /// Deviation from the line.
     pub from_line: Metre,
-    /// Deviation from the mean. Unlike the line, the mean does not learn a rise: an untouched
-    /// sensor recovers downwards, and the effect of warming within the memory is far below its
-    /// noise. While the readings fall the mean stays above them, so the end of a fall does not
-    /// count as a rise.
+    /// Deviation from the mean. Unlike the line, the mean hardly follows a rise: an untouched
+    /// sensor recovers downwards, and warming changes it within the memory by far less than its
+    /// noise. While the readings fall, the mean is above them, so the end of a fall does not count
+    /// as a rise.
     pub rise: Metre,
 }
 
 impl Baseline {
-    /// Creates an empty baseline. `memory` is the number of readings after which the weight of a
-    /// reading is 1/e, once the memory has grown; at least 2.
+    /// Creates an empty baseline. `memory` is the number of readings, at least 2, after which the
+    /// weight of a reading has fallen to 1/e once the memory has grown.
     pub const fn new(memory: f32) -> Self {
         Self {
             memory: memory.max(LEAST_MEMORY),
@@ -77,7 +77,7 @@ impl Baseline {
         self.readings
     }
 
-    /// Rate of the drift, m/s.
+    /// Rate of the drift: slope of the line, m/s.
     pub const fn rate(&self) -> f32 {
         self.rate
     }
@@ -92,7 +92,7 @@ impl Baseline {
         sigma * math::sqrt(1.25 / self.window)
     }
 
-    /// Shifts the origin of all readings, past and future, to `zero`.
+    /// Shifts the origin of all readings, past and future: `zero` becomes 0.
     pub fn shift(&mut self, zero: Metre) {
         self.origin = self.origin - zero;
     }
@@ -110,13 +110,14 @@ impl Baseline {
         }
     }
 
-    /// Adds the last compared reading to the line.
+    /// Adds the last reading to the line, by the deviation that [`Self::deviation`] returned for
+    /// it.
     pub fn learn(&mut self, interval: Second, deviation: Deviation) {
         let Metre(from_line) = deviation.from_line;
         let from_mean = self.level + from_line - self.mean;
         self.readings = self.readings.saturating_add(1);
         if self.window < self.memory {
-            // Not `clamp`, which panics if the memory is shorter than the smallest one.
+            // `clamp` would panic if `memory` is less than the smallest memory.
             let window = (OF_THE_PAST * self.readings as f32).max(LEAST_MEMORY);
             self.window = window.min(self.memory);
             self.forgotten = 1.0 / self.window;
@@ -129,9 +130,9 @@ impl Baseline {
         self.mean += mean_gain * from_mean;
     }
 
-    /// Largest departure of a recovery from the line within the memory, m: half of the line's
-    /// change in that time, since the memory is an eighth of the time for which the line has
-    /// fallen.
+    /// Largest departure of a recovery from the line within the memory, m. It is half of the line's
+    /// change in the memory's time, since the memory is an eighth of the time for which the
+    /// readings have fallen.
     pub(super) fn bend(&self, interval: Second) -> f32 {
         0.5 * self.rate.abs() * self.window * interval.0
     }
@@ -144,7 +145,8 @@ impl Baseline {
             return (level, rate, forgotten);
         }
         let n = self.readings as f32;
-        // For the first readings: the least-squares line through all of them.
+        // The first readings have gains that make the line the least-squares line through all of
+        // them.
         let pairs = n * (n + 1.0);
         (
             (2.0 * (2.0 * n - 1.0) / pairs).max(level),

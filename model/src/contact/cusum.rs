@@ -2,9 +2,9 @@
 
 use crate::math;
 
-/// A one-sided cumulative sum, S = max(0, S + z - k), alarm when S exceeds the threshold; z is the
-/// deviation in units of its own standard deviation (Page, *Continuous inspection schemes*,
-/// Biometrika 41, 1954).
+/// A one-sided cumulative sum: each sample changes it to S = max(0, S + z - k), where z is the
+/// sample's deviation in units of its standard deviation, and it raises an alarm when S exceeds the
+/// threshold (Page, *Continuous inspection schemes*, Biometrika 41, 1954).
 ///
 /// Of all tests with the same rate of false alarms it detects a shift of 2 k soonest (Moustakides
 /// 1986).
@@ -12,22 +12,22 @@ use crate::math;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cusum {
-    /// k: deviation of a sample that does not count, in standard deviations.
+    /// k: the part of each deviation that does not count, in standard deviations.
     pub allowance: f32,
-    /// Sum above which the test raises an alarm, in standard deviations.
+    /// Sum above which the alarm is raised, in standard deviations.
     pub threshold: f32,
 }
 
 impl Cusum {
     /// k = 1, threshold 10: best for a shift of two standard deviations. The mean distance between
-    /// false alarms is 2.3e9 white samples, a month at 1 kHz; a shift of 2 is detected in 11
-    /// samples, one of 10 in 2.
+    /// false alarms is 2.3e9 samples of white noise, a month at 1 kHz; a shift of 2 is detected in
+    /// 11 samples, a shift of 10 in 2.
     pub const WATCH: Self = Self {
         allowance: 1.0,
         threshold: 10.0,
     };
 
-    /// The sum after adding `deviation`, never below zero. A NaN deviation gives zero.
+    /// The sum after a sample with this deviation, never below zero. A NaN deviation gives zero.
     pub const fn after(&self, sum: f32, deviation: f32) -> f32 {
         (sum + deviation - self.allowance).max(0.0)
     }
@@ -37,9 +37,9 @@ impl Cusum {
         sum > self.threshold
     }
 
-    /// Mean number of white normal samples from a sum of zero to the alarm, if the mean has a
-    /// `shift` (in standard deviations): without a shift the run length between false alarms, with
-    /// a shift the delay of detection.
+    /// Mean number of samples of white normal noise from a sum of zero to the alarm, if the mean of
+    /// the noise is `shift` (in standard deviations): without a shift the distance between false
+    /// alarms, with a shift the delay of detection.
     ///
     /// Siegmund's approximation (*Sequential Analysis*, 1985), with D = shift - k and
     /// b = threshold + 1.166: (exp(-2 D b) + 2 D b - 1) / (2 D^2). Within 8 % of the exact value (a
@@ -57,7 +57,7 @@ impl Cusum {
         let drift = shift - self.allowance;
         let way = 2.0 * drift * reach;
         if way.abs() < 1e-2 {
-            // Series of the quotient about drift = 0; its next term is 4e-6 of it.
+            // Series of the quotient about drift = 0; the next term is 4e-6 of the result.
             return reach * reach * (1.0 - way / 3.0 + way * way / 12.0);
         }
         (math::exp_m1(-way) + way) / (2.0 * drift * drift)

@@ -1,15 +1,15 @@
 //! Contact detection: whether an object touches the sensor, since when, and how deep.
 //!
 //! The reading of an untouched sensor drifts: it warms, and it recovers from the last press. The
-//! [`Baseline`] follows this drift; a [`Cusum`] test of the rise of the readings above it detects a
-//! touch. Until the detection every reading is added to the baseline, afterwards none: a touch is
-//! detected within a few readings. During a touch the [`Zero`] extrapolates the baseline, within
-//! bounds that hold for any elastomer and any time.
+//! [`Baseline`] follows this drift; a [`Cusum`] test of the rise of the readings above the baseline
+//! detects a touch. Until the detection every reading is added to the baseline, afterwards none:
+//! since a touch is detected within a few readings, it hardly affects the baseline. During a touch
+//! the [`Zero`] extrapolates the baseline, within bounds that hold for any elastomer and any time.
 //!
-//! A movement that neither follows the baseline nor rises, such as the lifting of an object that
-//! was present from the start, is not learnt as a drift: the baseline restarts. If the reading of
-//! the untouched sensor is known ([`Watch::rest`]), an object that is present from the start is
-//! detected as a touch.
+//! If the readings neither follow the baseline nor rise, for example because an object is lifted
+//! that was present from the start, the baseline does not learn this as a drift but restarts. If
+//! the reading of the untouched sensor is known ([`Watch::rest`]), an object that is present from
+//! the start is detected as a touch.
 //!
 //! # Figures
 //!
@@ -23,8 +23,8 @@
 //! | its estimated onset: mean error (early) | 0.9 / 0.9 / 0.5 readings |
 //! | its estimated onset: root mean square error | 8.2 / 1.8 / 0.9 readings |
 //!
-//! These figures need noise that is white at the rate of the readings: other vibration counts as
-//! deformation, so sigma has to include it.
+//! These figures require noise that is white at the rate of the readings. Vibration that is not
+//! white counts as deformation, so sigma has to include it.
 
 mod baseline;
 mod cusum;
@@ -40,7 +40,7 @@ pub use zero::Zero;
 
 use crate::units::{Metre, OutOfRange, Requirement, Second};
 
-/// Number of readings before touches are tested for; the first readings are only learnt from.
+/// Number of readings of which the baseline only learns, before the test for touches starts.
 const LEAST_READINGS: u32 = 8;
 
 /// State of contact after a reading.
@@ -48,8 +48,8 @@ const LEAST_READINGS: u32 = 8;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Touch {
-    /// The baseline is still being learnt; or it is below the known rest, where no untouched sensor
-    /// reads.
+    /// The baseline is still being learnt, or it is below the known rest, where an untouched sensor
+    /// cannot be.
     Settling,
     /// No contact.
     Clear,
@@ -69,13 +69,13 @@ pub enum Touch {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Observation {
-    /// Reading minus baseline; during a touch, reading minus its zero.
+    /// Reading minus baseline; during a touch, reading minus the zero of the touch.
     pub deformation: Metre,
     /// State of contact.
     pub touch: Touch,
 }
 
-/// Readings since the sum was last zero: possibly the start of a touch.
+/// Sums over the readings since the test's sum was last zero: possibly the start of a touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Rising {
@@ -98,12 +98,12 @@ impl Rising {
         self.products += self.age * value;
     }
 
-    /// Time from the onset to now.
+    /// Time from the estimated onset of the touch to now.
     ///
-    /// The sum was last zero at age 0, where Page's test places the change. But a touch deepens
-    /// from zero and stays below the allowance for a while: the line through the readings since
-    /// then, extrapolated back to zero, adds that part. It may reach back by the length of the run,
-    /// but not beyond the first reading of the run.
+    /// Page's test places the onset where its sum was last zero. But a touch deepens from zero and
+    /// at first stays below the test's allowance: the line through the readings since then,
+    /// extrapolated back to zero, adds that time. It may reach back by as much as the length of the
+    /// run, but not beyond the first reading of the run.
     fn ago(&self) -> f32 {
         let spread = self.count * self.squares - self.times * self.times;
         let covariance = self.count * self.products - self.times * self.values;
@@ -143,14 +143,14 @@ impl Rising {
 pub struct Detector {
     watch: Watch,
     baseline: Baseline,
-    /// The baseline before `rising` started.
+    /// The baseline as it was before `rising` started.
     before: Baseline,
     rising: Rising,
-    /// Sum of the test for movements other than the baseline's.
+    /// Sum of the test for movements that are neither drift nor touch.
     moving: f32,
     /// The current touch.
     held: Option<Held>,
-    /// Bound of the remaining recovery of the sensor.
+    /// Upper bound of the sensor's remaining recovery.
     recovery: Recovery,
 }
 
@@ -159,7 +159,7 @@ pub struct Detector {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Held {
     zero: Zero,
-    /// Reading before the touch, if an untouched sensor would not read that.
+    /// Reading before the touch, if an untouched sensor would not read that value.
     doubtful: Option<Metre>,
     deepest: Metre,
     /// Integral of the deformation over the touch, m s.
@@ -168,8 +168,8 @@ struct Held {
 }
 
 impl Detector {
-    /// Creates a detector with an unknown baseline. Sigma, allowance and threshold must be above
-    /// zero.
+    /// Creates a detector whose baseline is not known yet. Sigma, allowance and threshold must be
+    /// above zero.
     pub fn new(watch: Watch) -> Result<Self, OutOfRange> {
         Metre::positive(watch.sigma.0)?;
         OutOfRange::check(watch.cusum.allowance, Requirement::Positive)?;
@@ -196,31 +196,32 @@ impl Detector {
         self.held.as_ref().map(|held| &held.zero)
     }
 
-    /// Mean age of this deformation: its integral over the touch divided by it, which is the age of
-    /// its increments weighted by their size. `None` without a touch or without a positive
-    /// deformation.
+    /// Mean age of this deformation: the integral of the deformation over the touch divided by the
+    /// present one. It is the mean age of the deformation's increments, weighted by their size.
+    /// `None` without a touch or without a positive deformation.
     ///
-    /// Creep and the coil's current add small, young increments, so a hold keeps its age. The creep
-    /// of a press that only deepens follows the mean logarithm of the increments' ages; the
-    /// logarithm of their mean is an upper bound of it (Jensen's inequality).
+    /// Creep and the coil's current add small, young increments, so the mean age of a held press
+    /// hardly changes by them. The creep of a press that only deepens follows the mean logarithm of
+    /// the increments' ages; the logarithm of the mean age is an upper bound of it (Jensen's
+    /// inequality).
     pub fn mean_age(&self, deformation: Metre) -> Option<Second> {
         let held = self.held.as_ref().filter(|_| deformation.0 > 0.0)?;
         Some(Second(held.integral / deformation.0))
     }
 
-    /// Reading before the touch, if an untouched sensor would not read that: an object was present
-    /// from the start, or the rest has changed. The zero of the deformation is then doubtful.
+    /// Reading before the touch, if an untouched sensor would not read that value: an object was
+    /// present from the start, or the sensor's rest has changed. The zero of the deformation is
+    /// then doubtful.
     pub fn doubtful_rest(&self) -> Option<Metre> {
         self.held.as_ref().and_then(|held| held.doubtful)
     }
 
-    /// Largest reading of the untouched and recovered sensor, as a distance from 0; `None` if
-    /// unknown.
+    /// Largest reading of the untouched and recovered sensor, in magnitude; `None` if unknown.
     pub const fn rest(&self) -> Option<Metre> {
         self.watch.rest
     }
 
-    /// Sets the rest from now on; see [`Watch::rest`].
+    /// Sets the rest of the untouched sensor from now on; see [`Watch::rest`].
     pub const fn set_rest(&mut self, rest: Option<Metre>) {
         self.watch.rest = rest;
     }
@@ -230,8 +231,8 @@ impl Detector {
         self.watch.per_kelvin = per_kelvin;
     }
 
-    /// Highest reading of an untouched sensor: its rest, the deformation that may go undetected,
-    /// and the remaining recovery. `None` if the rest is unknown.
+    /// Highest reading of an untouched sensor: the sum of its rest, the deformation that may stay
+    /// undetected, and the remaining recovery. `None` if the rest is unknown.
     pub fn highest_untouched(&self) -> Option<Metre> {
         self.lowest_untouched()
             .map(|lowest| self.recovery.most() - lowest)
@@ -243,7 +244,7 @@ impl Detector {
         Some(-(rest + self.watch.release))
     }
 
-    /// Returns the reading if an untouched sensor would not read it.
+    /// Returns the reading if an untouched sensor would not read that value.
     fn doubtful(&self, reading: Metre) -> Option<Metre> {
         let is_low = self
             .lowest_untouched()
@@ -254,8 +255,8 @@ impl Detector {
         (is_low || is_high).then_some(reading)
     }
 
-    /// Shifts the origin of all readings, past and future, to `zero`: readings that are lower by
-    /// `zero` give the same deformation.
+    /// Shifts the origin of all readings, past and future: `zero` becomes 0, and readings that are
+    /// lower by `zero` give the same deformation.
     pub fn shift(&mut self, zero: Metre) {
         self.baseline.shift(zero);
         if let Some(held) = &mut self.held {
@@ -263,16 +264,16 @@ impl Detector {
         }
     }
 
-    /// Restarts the baseline, and assumes the sensor untouched until readings show otherwise.
+    /// Restarts the baseline, and assumes the sensor to be untouched until readings show otherwise.
     pub fn learn_anew(&mut self) {
         self.held = None;
         self.begin();
     }
 
-    /// Continues after an interruption, or with other settings: a touch continues, and a baseline
-    /// is learnt again.
+    /// Continues after an interruption or with other settings: a touch continues, but a baseline is
+    /// learnt again.
     pub fn resume(&mut self, watch: Watch) {
-        // The remaining recovery is at most the last reading.
+        // The remaining recovery is at most the last value of the baseline.
         if self.held.is_none() && self.baseline.readings() >= self.watch.settling {
             self.recovery.no_more_than(self.baseline.value());
         }
@@ -287,8 +288,8 @@ impl Detector {
         self.moving = 0.0;
     }
 
-    /// Processes a reading that comes `interval` after the previous one. Ignores a reading that is
-    /// not finite.
+    /// Processes a reading that comes `interval` after the previous one. A reading that is not
+    /// finite is ignored.
     pub fn push(&mut self, interval: Second, reading: Metre) -> Observation {
         if !(reading.0.is_finite() && interval.0.is_finite()) {
             let touch = if self.held.is_some() {
@@ -357,7 +358,7 @@ impl Detector {
             .watch
             .cusum
             .after(self.rising.sum, rise / self.watch.sigma);
-        // At a sum of zero the run restarts, without memory.
+        // When the sum is zero, the run restarts without memory of the readings before.
         if sum > 0.0 {
             if self.rising.sum <= 0.0 {
                 self.before = self.baseline;
@@ -371,7 +372,7 @@ impl Detector {
         alarms.then(|| Second(self.rising.ago()))
     }
 
-    /// Whether the readings depart from the baseline in another way than a touch.
+    /// Whether the readings depart from the baseline in a way that is not a touch.
     fn moves(&mut self, interval: Second, deviation: Deviation) -> bool {
         let apart = if deviation.rise.0 > 0.0 {
             0.0

@@ -4,15 +4,15 @@ use core::f32::consts::E;
 
 use crate::units::{Metre, Second};
 
-/// Largest part of a deformation that creep adds in the long run, and that remains after the
+/// Largest fraction of a deformation that creep adds in the long run, and that remains after the
 /// release: three modes of at most 10 % each (sim-host/stacks/disturbances.toml; three modes by
 /// Soft Matter 12 (2016) 2901).
 pub const MOST_CREEP: f32 = 0.3;
 
-/// Upper bound of the deformation that remains from earlier touches.
+/// Upper bound of the deformation that still remains from earlier touches.
 ///
-/// A touch of duration T loads a mode of time constant tau to the fraction 1 - exp(-T/tau); at the
-/// time t after it, exp(-t/tau) of that remains. For any tau the product is below T/(T + e t).
+/// A touch of duration T loads a mode of time constant tau to the fraction 1 - exp(-T/tau); after a
+/// time t, the fraction exp(-t/tau) of that remains. For any tau the product is below T/(T + e t).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Recovery {
@@ -25,7 +25,7 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// The bound after a touch of depth `deepest` and duration `touched`, with `left` remaining
+    /// The bound after a touch of depth `deepest` and duration `touched`. `left` is what remained
     /// from earlier touches at its start.
     #[must_use]
     pub fn after(self, deepest: Metre, touched: Second, left: Option<Metre>) -> Self {
@@ -37,8 +37,8 @@ impl Recovery {
                 since: 0.0,
             };
         };
-        // The remainder of earlier touches has lost its fast modes, so T + e t takes the place of
-        // T.
+        // What remains of earlier touches has lost its fast modes: so the denominator starts at T +
+        // e t instead of T.
         let earlier = self.touched + E * (self.since + touched.0);
         Self {
             most: own + left.0,
@@ -47,7 +47,7 @@ impl Recovery {
         }
     }
 
-    /// Advances by an interval without contact.
+    /// Advances the time by an interval without contact.
     pub fn advance(&mut self, interval: Second) {
         self.since += interval.0;
     }
@@ -60,7 +60,7 @@ impl Recovery {
         Metre(self.most * self.touched / (self.touched + E * self.since))
     }
 
-    /// Lowers the bound to a reading of the sensor.
+    /// Lowers the bound to a reading of the untouched sensor.
     pub fn no_more_than(&mut self, reading: Metre) {
         self.most = self.most.min(reading.0.max(0.0));
     }

@@ -10,19 +10,18 @@ use crate::units::Metre;
 pub struct Watch {
     /// Standard deviation of a reading of the untouched sensor, vibration included.
     pub sigma: Metre,
-    /// Memory of the baseline, in readings.
+    /// Memory of the baseline, as a number of readings.
     pub memory: f32,
     /// Number of readings after a start or a release until the baseline counts as learnt.
     pub settling: u32,
-    /// Test for touch and movement.
+    /// Parameters of the tests for touches and movements.
     pub cusum: Cusum,
-    /// Deformation below which the touch is over. A touch that has not yet been twice as deep ends
-    /// below half of its greatest depth, so that a slow touch does not end where it starts. Any
-    /// touch ends below two sigma, and below the largest remaining recovery of the elastomer
-    /// ([`MOST_CREEP`](super::MOST_CREEP) of the greatest depth).
+    /// Deformation below which the touch is over. A touch that has not yet been twice as deep as
+    /// this ends below half of its greatest depth, so that a slow touch does not end where it
+    /// starts. Any touch ends below two sigma, and below the largest remaining recovery of the
+    /// elastomer ([`MOST_CREEP`](super::MOST_CREEP) of the greatest depth).
     pub release: Metre,
-    /// Largest reading of the untouched and recovered sensor, as a distance from 0; `None` if
-    /// unknown.
+    /// Largest reading of the untouched and recovered sensor, in magnitude; `None` if unknown.
     pub rest: Option<Metre>,
     /// Largest change of the untouched sensor's reading per kelvin.
     pub per_kelvin: Metre,
@@ -30,7 +29,7 @@ pub struct Watch {
 
 impl Watch {
     /// Default settings: memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma,
-    /// unknown rest, and no effect of temperature.
+    /// unknown rest, and no effect of temperature on the reading.
     pub const fn new(sigma: Metre) -> Self {
         Self {
             sigma,

@@ -1,4 +1,4 @@
-//! Zero of a touched sensor: the reading that it would give without the touch.
+//! Zero of a touched sensor: what it would read without the touch.
 
 use super::{Baseline, Watch};
 use crate::math::student::NORMAL_975;
@@ -7,35 +7,35 @@ use crate::units::{Metre, Second};
 /// The zero of the deformation during a touch: the baseline at the start of the touch,
 /// extrapolated.
 ///
-/// While an elastomer recovers from an earlier press, the remainder falls as a sum of decaying
-/// exponentials. Such a sum never falls faster than its initial rate, is convex, and ends at the
-/// rest: from the remainder `left`, an initial rate r takes at most `left` (1 - exp(-r t/`left`))
-/// in the time t, and at least zero. The zero falls by `left` r t/(`left` + r t), which lies
-/// between the two, so it stays between the baseline and the rest for ever.
+/// While an elastomer recovers from an earlier press, its remaining deformation falls as a sum of
+/// decaying exponentials. Such a sum never falls faster than at its initial rate, is convex, and
+/// ends at the rest: starting from `left` with the rate r, it falls in the time t by at most `left`
+/// (1 - exp(-r t/`left`)), and at least by zero. The zero is assumed to fall by `left` r t/(`left`
+/// + r t), which lies between these two, so it stays between the baseline and the rest for ever.
 ///
-/// The uncertainty has four parts: the noise of the baseline; the zero may be as low as the rest,
-/// if the supposed recovery was an object on the sensor; the zero may have fallen less; and the
-/// sensor may have become warmer or colder.
+/// The uncertainty has four components: the noise of the baseline; the zero may be as low as the
+/// rest, if the supposed recovery was in fact an object on the sensor; the zero may have fallen
+/// less; and the sensor may have become warmer or colder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Zero {
     start: Metre,
-    /// Largest further fall, m.
+    /// Largest further fall of the zero, m.
     left: f32,
-    /// Initial rate of the fall, m/s; at least zero.
+    /// Initial rate at which the zero falls, m/s; at least zero.
     rate: f32,
     /// Whether `left` is the distance from a known rest.
     rest_is_known: bool,
-    /// Change of the rest per kelvin.
+    /// Change of the untouched sensor's reading per kelvin.
     per_kelvin: Metre,
-    /// Standard error of the baseline from noise, m.
+    /// Standard error of the baseline due to noise, m.
     noise: f32,
     /// Time since the start of the touch, s.
     elapsed: f32,
 }
 
-/// Largest rate at which temperature changes, K/s, and largest change, K: a room that is heated,
-/// and the board of a coil in operation.
+/// Largest rate at which the temperature changes, K/s, and (`WARMING_K`) its largest change: a room
+/// that is heated, and the board of a coil in operation.
 const WARMING_K_PER_S: f32 = 2.0 / 60.0;
 const MOST_WARMING_K: f32 = 10.0;
 
@@ -43,10 +43,10 @@ const MOST_WARMING_K: f32 = 10.0;
 const UNIFORM: f32 = 0.577_35;
 
 impl Zero {
-    /// The zero of a touch that started `elapsed` after the baseline's last reading.
+    /// The zero of a touch that started at the time `elapsed` after the baseline's last reading.
     ///
-    /// If the rest is known, it reads 0. Otherwise the largest further fall is the line's rate
-    /// times its learning time.
+    /// If the rest is known, it is the reading 0. Otherwise the largest further fall is the rate of
+    /// the line times the time for which the line has been learnt.
     pub(super) fn learnt(
         baseline: &Baseline,
         watch: &Watch,
@@ -70,7 +70,7 @@ impl Zero {
         }
     }
 
-    /// The zero of a touch that was present before any baseline: the rest.
+    /// The zero of a touch that was present before there was a baseline: the rest.
     pub(super) fn at_rest(watch: &Watch) -> Self {
         Self {
             rest_is_known: watch.rest.is_some(),
@@ -106,8 +106,8 @@ impl Zero {
         }
     }
 
-    /// Standard uncertainty of the fall since the start of the touch: a sum of modes that are
-    /// decades apart may have all but stopped falling, so the whole fall counts as two standard
+    /// Standard uncertainty of the zero's fall since the start of the touch. A sum of modes that
+    /// are decades apart may have all but stopped falling, so the whole fall counts as two standard
     /// uncertainties.
     pub(super) fn of_fall(&self) -> Metre {
         Metre(0.5 * self.fall())
@@ -121,7 +121,7 @@ impl Zero {
             0.0
         };
         let warming_k = (WARMING_K_PER_S * self.elapsed).min(MOST_WARMING_K);
-        // Uniform within its limits.
+        // The change due to temperature is uniform within its limits.
         let drift = UNIFORM * warming_k * self.per_kelvin.0;
         let Metre(of_fall) = self.of_fall();
         let parts = [self.noise, to_the_rest, of_fall, drift];

@@ -5,11 +5,11 @@
 
 use micromath::F32;
 
-/// Sine of a phase in turns: absolute error at most 1.2e-3 for any phase that still has a
-/// fractional part.
+/// Sine of a phase in turns: absolute error at most 1.2e-3 for any phase small enough for its `f32`
+/// to have a fractional part.
 ///
-/// The phase is in turns because the reduction to one period is then exact: only the fraction
-/// reaches `micromath`, whose own reduction loses accuracy with the angle.
+/// The phase is in turns because its reduction to one period is then exact: only the fractional
+/// part reaches `micromath`, whose own reduction loses accuracy with the size of the angle.
 ///
 /// ```
 /// use palpate_model::math::coarse::sin_turns;

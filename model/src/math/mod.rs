@@ -1,14 +1,13 @@
 //! All functions beyond the four basic operations, each with its maximum error.
 //!
 //! The four operations and `sqrt` are correctly rounded by IEEE 754, in hardware and in software;
-//! `libm` is plain Rust on top of them and never fuses a product and a sum. So a formula written
-//! with this module gives the same bits on a Cortex-M0+ without a floating-point unit and on a PC.
-//! The `f32` methods of `std` and a fused multiply-add do not guarantee that; this crate uses
-//! neither.
+//! `libm` is plain Rust that uses only these and never fuses a product and a sum. So a formula
+//! written with this module gives the same bits on a Cortex-M0+ without a floating-point unit and
+//! on a PC. The `f32` methods of `std` and a fused multiply-add do not guarantee that; this crate
+//! uses neither.
 //!
-//! The bounds below are relative to the result and enforced against `f64` by
-//! `tests/integration/math.rs`. Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of
-//! the value.
+//! The error bounds below are relative to the result, and `tests/integration/math.rs` checks them
+//! against `f64`. Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of the value.
 
 pub mod coarse;
 pub mod student;
@@ -26,7 +25,7 @@ pub fn ln(x: f32) -> f32 {
     libm::logf(x)
 }
 
-/// ln(1 + x) without loss at small `x`: relative error at most 1.2e-7 for `x` above -0.999.
+/// ln(1 + x), also accurate for small `x`: relative error at most 1.2e-7 for `x` above -0.999.
 pub fn ln_1p(x: f32) -> f32 {
     libm::log1pf(x)
 }
@@ -36,7 +35,7 @@ pub fn exp(x: f32) -> f32 {
     libm::expf(x)
 }
 
-/// exp(x) - 1 without loss at small `x`: relative error at most 1.2e-7 from -80 to 80.
+/// exp(x) - 1, also accurate for small `x`: relative error at most 1.2e-7 from -80 to 80.
 pub fn exp_m1(x: f32) -> f32 {
     libm::expm1f(x)
 }

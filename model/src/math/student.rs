@@ -4,7 +4,8 @@
 pub const NORMAL_975: f32 = 1.959_964;
 
 /// The 97.5 % quantile of Student's t for `degrees` of freedom: relative error at most 2.0e-4, and
-/// 1.5e-5 from 8 degrees on; infinite for zero degrees, which give no estimate of the noise.
+/// 1.5e-5 from 8 degrees on. Infinite for zero degrees, which do not allow an estimate of the
+/// noise.
 ///
 /// Uses a table for 1 to 4 degrees, then the Cornish-Fisher expansion about the normal quantile to
 /// the fourth order in 1/degrees (Abramowitz and Stegun 26.7.5).
@@ -25,7 +26,7 @@ pub fn quantile_975(degrees: u32) -> f32 {
     }
 }
 
-/// The expansion A&S 26.7.5 as polynomials in z^2; `inverse` = 1/degrees.
+/// The expansion of Abramowitz and Stegun 26.7.5 as polynomials in z^2; `inverse` is 1/degrees.
 fn cornish_fisher(z: f32, inverse: f32) -> f32 {
     let s = z * z;
     let g1 = z * (s + 1.0) / 4.0;

@@ -2,13 +2,14 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number mantissa x 2^exponent with a mantissa of 62 bits: about 18 digits, any size.
+/// A number mantissa x 2^exponent whose mantissa has 62 bits, about 18 digits; its size is
+/// practically unlimited.
 ///
-/// For sums whose differences are needed, which exceed the 7 digits of `f32`. Uses integer
-/// operations only, so that every machine gives the same bits, and 62 bits because three 32-bit
-/// products give that many. On a Cortex-M0+, which multiplies integers in one cycle and has no
-/// floating-point unit, a product and a sum take 400 cycles; with `f64` in software they take 790,
-/// and with two `f32` as a double word several thousand.
+/// For running sums whose differences are needed: these need more than the 7 digits of `f32`. Uses
+/// integer operations only, so that every machine gives the same bits. The mantissa has 62 bits
+/// because three 32-bit products give that many. On a Cortex-M0+, which multiplies integers in one
+/// cycle and has no floating-point unit, a product and a sum together take 400 cycles; with `f64`
+/// in software they take 790, and with two `f32` as a double word several thousand.
 ///
 /// | operation | error at most |
 /// |---|---|
@@ -32,9 +33,9 @@ pub struct Wide {
     exponent: i32,
 }
 
-/// Exponent of 1/2^61, which scales a mantissa to a number from 1 to 2.
+/// Exponent with which a normal mantissa is a number from 1 to below 2.
 const UNIT: i32 = -61;
-/// Width of the mantissa's lower half.
+/// Number of bits of the mantissa's lower half.
 const HALF: u32 = 31;
 
 impl Wide {
@@ -65,7 +66,7 @@ impl Wide {
                 exponent.wrapping_add(SMALLEST - 1),
             )
         };
-        // A fraction of 24 bits is shifted to a mantissa of 62.
+        // The mantissa of an `f32` has 24 bits and is shifted to 62 bits.
         const UP: u32 = 62 - 24;
         let mantissa = magnitude << UP;
         let signed = if x.is_sign_negative() {
@@ -101,9 +102,10 @@ impl Wide {
         self * Self::from_f32(factor)
     }
 
-    /// Normalises a mantissa of any size.
+    /// Normalises a mantissa of any size, so that it has 62 bits.
     const fn normal(mantissa: i64, exponent: i32) -> Self {
-        // Nearly always at most one bit off: counting zeros would take 115 cycles.
+        // The mantissa is nearly always at most one bit too long or too short; counting leading
+        // zeros would take 115 cycles.
         match mantissa.unsigned_abs() >> 60 {
             2 | 3 => Self { mantissa, exponent },
             1 => Self {
@@ -119,7 +121,7 @@ impl Wide {
     }
 
     const fn from_far(mantissa: i64, exponent: i32) -> Self {
-        /// Number of bits above a normal mantissa.
+        /// Number of bits of an `i64` above a normal mantissa.
         const SPARE: u32 = 2;
         if mantissa == 0 {
             return Self::ZERO;
@@ -141,7 +143,7 @@ impl Wide {
     }
 }
 
-/// A number upper x 2^31 + lower, with the sign in the upper half.
+/// A mantissa upper x 2^31 + lower; the sign is in the upper half.
 struct Halves {
     upper: i32,
     lower: i32,
@@ -175,7 +177,8 @@ impl Add for Wide {
         if apart > 62 {
             return large;
         }
-        // Rounded, not truncated: the errors of a long sum must not all have one sign.
+        // Rounded and not truncated: otherwise the errors of a long sum would all have the same
+        // sign.
         let aligned = match apart.checked_sub(1) {
             None => small.mantissa,
             Some(less) => small
@@ -184,7 +187,7 @@ impl Add for Wide {
                 .wrapping_add(1)
                 .wrapping_shr(1),
         };
-        // Two magnitudes of at most 2^62 do not overflow.
+        // The sum of two magnitudes of at most 2^62 does not overflow.
         Self::normal(large.mantissa.wrapping_add(aligned), large.exponent)
     }
 }
@@ -209,7 +212,7 @@ impl Sub for Wide {
 impl Mul for Wide {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        // The product of the two lower halves is below the last bit and omitted.
+        // The product of the two lower halves is below the last bit of the result and is left out.
         let (a, b) = (Halves::of(self.mantissa), Halves::of(other.mantissa));
         let product = |a: i32, b: i32| i64::from(a).wrapping_mul(i64::from(b));
         let middle = product(a.upper, b.lower).wrapping_add(product(a.lower, b.upper));
@@ -224,8 +227,8 @@ impl Mul for Wide {
 
 impl Div for Wide {
     type Output = Self;
-    /// Divides bit by bit: a fit divides a dozen times, a sample never. The result for a divisor of
-    /// zero is meaningless.
+    /// Divides bit by bit, which is slow: a fit needs a dozen divisions, adding a sample none. The
+    /// result for a divisor of zero is meaningless.
     fn div(self, divisor: Self) -> Self {
         let below = divisor.mantissa.unsigned_abs();
         let mut rest = self.mantissa.unsigned_abs();

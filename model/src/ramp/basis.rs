@@ -9,23 +9,23 @@ use core::fmt;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DriftModel {
-    /// phi = t, in seconds: warming, a slow hand. d is a rate, 1/s.
+    /// phi = t, in seconds: for warming, or for a hand that moves slowly. d is a rate, 1/s.
     Linear,
-    /// phi = ln(1 + t/tau): creep of rubber over decades of time.
+    /// phi = ln(1 + t/tau): for creep of rubber over decades of time.
     Logarithmic {
-        /// tau, the time since the load was applied.
+        /// tau, the time for which the load has been applied already.
         tau: Second,
     },
-    /// phi = 1 - exp(-t/tau): a single mode of creep.
+    /// phi = 1 - exp(-t/tau): for a single mode of creep.
     Exponential {
         /// tau, the mode's time constant.
         tau: Second,
     },
-    /// phi = frac(t/period) - 1/2: an effect that restarts with every falling ramp, such as the
+    /// phi = frac(t/period) - 1/2: for an effect that restarts with every falling ramp, such as the
     /// coil's heat.
     ///
-    /// Its shape resembles the signal, which repeats with the same period: it costs as much as a
-    /// linear drift over a single ramp, four times the standard error.
+    /// This shape resembles the signal, which repeats with the same period. So it raises the
+    /// standard error as much as a linear drift does over a single ramp: four times.
     SawTooth {
         /// Time from one ramp's start to the next.
         period: Second,
@@ -65,11 +65,11 @@ pub enum Term {
     Level,
     /// beta in x_ref/x = 1 + alpha + beta h.
     Slope,
-    /// gamma h^2: first departure from a linear load.
+    /// gamma h^2: first term for a load that is not linear.
     Quadratic,
-    /// delta h^3: second departure from a linear load.
+    /// delta h^3: second term for a load that is not linear.
     Cubic,
-    /// A disturbance in time.
+    /// A disturbance that depends on the time.
     Drift(DriftModel),
 }
 
@@ -116,20 +116,21 @@ impl fmt::Display for BasisError {
 
 impl core::error::Error for BasisError {}
 
-/// Largest number of unknowns of a fit: four of the load and two drifts.
+/// Largest number of unknowns of a fit: four for the load and two drifts.
 pub const MOST_TERMS: usize = 6;
 
-/// The checked unknowns of a fit. The time per sample grows with the square of their number.
+/// The unknowns of a fit, checked. The computing time per sample grows with the square of their
+/// number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Basis {
-    /// Entries beyond the count are [`Term::Level`].
+    /// The terms; entries beyond the basis' own number are [`Term::Level`].
     terms: [Term; MOST_TERMS],
     count: usize,
 }
 
 impl Basis {
-    /// A linear load without drift: eq. (2) for a whole ramp.
+    /// A linear load without drift: eq. (2), applied to a whole ramp.
     pub const LINEAR: Self = Self {
         terms: [
             Term::Level,
@@ -147,7 +148,7 @@ impl Basis {
         Self::new(&[Term::Level, Term::Slope, Term::Drift(drift)])
     }
 
-    /// A basis of any unknowns: level and slope first, no repetition.
+    /// Creates a basis of any unknowns: level and slope first, none twice.
     ///
     /// ```
     /// use palpate_model::ramp::{Basis, DriftModel, Term};
@@ -180,8 +181,8 @@ impl Basis {
         Ok(basis)
     }
 
-    /// The basis of the first unknowns only; `None` if there are not as many, or they are not level
-    /// and slope.
+    /// The basis of the first `count` unknowns; `None` if there are fewer, or if these are not at
+    /// least level and slope.
     pub(super) fn first(&self, count: usize) -> Option<Self> {
         Self::new(self.terms().get(..count)?).ok()
     }

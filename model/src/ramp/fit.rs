@@ -1,4 +1,4 @@
-//! Result of a ramp.
+//! Result of fitting a ramp.
 
 use super::interval::{RatioCovariance, fieller};
 use super::moments::{Row, Solution};
@@ -6,19 +6,19 @@ use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, RampRefusal, Reference}
 use crate::math::{Wide, sqrt};
 use crate::units::{Metre, Newton, NewtonPerMetre};
 
-/// Source of the noise level: the sigmas stated with the samples, or the residuals.
+/// What determines the level of the noise: the sigmas stated with the samples, or the residuals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Noise {
-    /// The stated sigmas are right; quantiles of the normal distribution.
+    /// The stated sigmas are right; the interval uses quantiles of the normal distribution.
     Stated,
-    /// The sigmas are right up to a common factor, estimated from the residuals; Student's
-    /// quantiles.
+    /// The stated sigmas are right up to a common factor, which is estimated from the residuals;
+    /// the interval uses Student's quantiles.
     Residual,
-    /// The larger of the two (Birge's rule), with Student's quantiles: noise that the sigmas do not
-    /// include, such as vibration, widens the interval, and small residuals do not narrow it. With
-    /// right sigmas and 400 samples a 95 % interval covers 95.4 %.
+    /// The larger of `Stated` and `Residual` (Birge's rule), with Student's quantiles. Noise that
+    /// the sigmas do not include, such as vibration, widens the interval, and small residuals do
+    /// not narrow it. With right sigmas and 400 samples a 95 % interval covers 95.4 %.
     #[default]
     Larger,
 }
@@ -36,8 +36,8 @@ pub struct Coefficient {
 
 /// A point of the load's curve F(x_L).
 ///
-/// The two errors come from the same deformation and their correlation is nearly -1: an error that
-/// raises F lowers x_L.
+/// The errors of force and displacement come from the same deformation, and their correlation is
+/// nearly -1: an error that raises F lowers x_L.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -52,7 +52,7 @@ pub struct LoadCurvePoint {
     pub displacement_sigma: Metre,
 }
 
-/// The fitted ramp, x_S as a function of the regressor with the drifts removed:
+/// The fitted ramp: x_S as a function of the regressor's deviation h, with the drifts removed,
 ///
 /// x(h) = x_ref / l(h), l(h) = 1 + alpha + beta h (+ gamma h^2 + delta h^3).
 #[derive(Clone, Copy, Debug)]
@@ -106,7 +106,7 @@ impl Fit {
         })
     }
 
-    /// Load ratio kappa = c_S/c_L of a linear load; of a non-linear one, the ratio at the middle of
+    /// Load ratio kappa = c_S/c_L of a linear load; for a non-linear load, that at the middle of
     /// the ramp.
     pub fn load_ratio(&self) -> Result<LoadRatio, RampRefusal> {
         self.load_ratio_at(self.centre)
@@ -114,8 +114,9 @@ impl Fit {
 
     /// Load ratio kappa = c_S/c_L at the regressor deviation `h`, from the *tangent* of the load.
     ///
-    /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), independent of x_0. With a
-    /// straight line l, without quadratic or cubic term in the basis, it is the same for all `h`.
+    /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), independent of x_0. If l is
+    /// a straight line, without quadratic or cubic term in the basis, the ratio is the same for all
+    /// `h`.
     pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, RampRefusal> {
         let curve = self.curve(h);
         let slope = curve.slope.to_f32();
@@ -132,8 +133,8 @@ impl Fit {
             let significance = slope / sqrt(covariance.denominator);
             return Err(RampRefusal::SignalReversed { significance });
         }
-        // As wide numbers: for a stiff load the ratio is nearly 1 + g, and kappa is the small
-        // difference.
+        // Computed with wide numbers: for a stiff load, l/l' is nearly 1 + g, and kappa is their
+        // small difference.
         let value =
             (quotient - Wide::ONE - Wide::from_f32(self.reference.regressor()) - Wide::from_f32(h))
                 .to_f32();
@@ -153,14 +154,14 @@ impl Fit {
         }
     }
 
-    /// Load stiffness c_L with its 95 % interval from statistical errors only; see
-    /// [`uncertainty`](crate::uncertainty) for the calibration's.
+    /// Load stiffness c_L with its 95 % interval, from statistical errors only. For the
+    /// calibration's contribution see [`uncertainty`](crate::uncertainty).
     pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, RampRefusal> {
         self.load_ratio()?.stiffness(sensing)
     }
 
     /// Force and displacement of the load at the regressor deviation `h`, from the ramp alone: the
-    /// displacement is counted from the state h = 0.
+    /// displacement is counted from that at h = 0.
     pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let (rest, curve) = (self.curve(0.0), self.curve(h));
         let (l0, l) = (rest.level.to_f32(), curve.level.to_f32());
@@ -168,7 +169,8 @@ impl Fit {
             1.0 + self.reference.regressor(),
             1.0 + self.reference.regressor() + h,
         );
-        // x_0 - x (1 + g) minus its value at h = 0, over one denominator, so that no digits cancel.
+        // x_0 - x (1 + g) minus its value at h = 0, with one common denominator, so that no digits
+        // cancel.
         let change = (curve.level - rest.level).to_f32();
         let numerator = at_rest * change - h * l0;
         let x_ref = self.reference.deformation().0;
@@ -185,8 +187,8 @@ impl Fit {
         }
     }
 
-    /// Force and displacement of the load at the regressor deviation `h`, the displacement counted
-    /// from the unloaded object. Needs x_0, the total displacement since contact.
+    /// Force and displacement of the load at the regressor deviation `h`, with the displacement
+    /// counted from the unloaded object. Needs x_0, the total displacement since contact.
     pub fn load_point_within(
         &self,
         h: f32,
@@ -214,12 +216,12 @@ impl Fit {
         }
     }
 
-    /// Total displacement x_0, if the load is linear from its first touch: x_ref/beta at h = 0.
+    /// Total displacement x_0, if the load is linear from its first touch on: x_ref/beta at h = 0.
     pub fn total_displacement(&self) -> Metre {
         self.reference.deformation() / self.curve(0.0).slope.to_f32()
     }
 
-    /// Coefficient of the basis' term at `index`; for a drift its relative size d.
+    /// Coefficient of the basis' term at `index`; for a drift, its relative size d.
     pub fn coefficient(&self, index: usize) -> Option<Coefficient> {
         self.basis.terms().get(index)?;
         let variance = *self.covariance.get(index)?.get(index)?;
@@ -230,7 +232,7 @@ impl Fit {
         })
     }
 
-    /// Sum of the squared residuals divided by the squared stated sigmas.
+    /// Sum of the squares of the residuals, each divided by its stated sigma.
     pub const fn chi_square(&self) -> f32 {
         self.chi_square
     }
@@ -240,13 +242,13 @@ impl Fit {
         self.degrees
     }
 
-    /// Chi-square per degree of freedom: near 1 if noise and model are as stated. `None` without a
-    /// degree of freedom.
+    /// Chi-square per degree of freedom: near 1 if noise and model are as stated. `None` if there
+    /// are no degrees of freedom.
     pub fn reduced_chi_square(&self) -> Option<f32> {
         (self.degrees > 0).then(|| self.chi_square / self.degrees as f32)
     }
 
-    /// Weighted mean of the regressor's deviation.
+    /// Weighted mean of the regressor's deviation over the samples.
     pub const fn centre(&self) -> f32 {
         self.centre
     }
@@ -290,7 +292,7 @@ impl Fit {
     }
 }
 
-/// Factors that turn the inverse of the moments into a covariance.
+/// Factors that convert the inverse of the moments' matrix to a covariance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ErrorScale {
     pub(super) row_variance: Wide,
@@ -303,7 +305,7 @@ fn power(h: f32, exponent: u8) -> f32 {
     (0..exponent).fold(1.0, |product, _| product * h)
 }
 
-/// Derivative d h^n / dh.
+/// Derivative of h^n with respect to h.
 fn derivative(h: f32, exponent: u8) -> f32 {
     exponent
         .checked_sub(1)

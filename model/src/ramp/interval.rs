@@ -1,26 +1,26 @@
-//! Intervals of a ratio, and of the stiffness derived from it.
+//! 95 % intervals of a ratio, and of the stiffness derived from it.
 
 use super::RampRefusal;
 use crate::coverage::coverage_factor;
 use crate::math::{hypot, sqrt, student::NORMAL_975};
 use crate::units::NewtonPerMetre;
 
-/// Load ratio kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 %
-/// interval.
+/// Load ratio kappa = c_S/c_L, with a 95 % interval: the load's compliance in units of the sensing
+/// layer's compliance.
 ///
-/// The error of this ratio, not of the stiffness, is nearly normal: a rigid load is an ordinary
-/// point, kappa = 0, and noise may put an estimate a little below it.
+/// The error of kappa is nearly normal, that of the stiffness is not: a rigid load is an ordinary
+/// value, kappa = 0, and noise may move an estimate a little below zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LoadRatio {
     /// Estimate of kappa.
     pub value: f32,
-    /// Its standard error.
+    /// Standard error of kappa.
     pub standard_error: f32,
-    /// Lower end of the 95 % interval.
+    /// Lower end of kappa's 95 % interval.
     pub low: f32,
-    /// Upper end of the 95 % interval.
+    /// Upper end of kappa's 95 % interval.
     pub high: f32,
 }
 
@@ -29,20 +29,20 @@ pub struct LoadRatio {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LoadStiffness {
-    /// Bounded on both sides.
+    /// The interval is bounded on both sides.
     Within {
         /// Estimate of c_L.
         value: NewtonPerMetre,
-        /// Its standard error, to first order.
+        /// Standard error of c_L, to first order.
         standard_error: NewtonPerMetre,
-        /// Lower end of the interval.
+        /// Lower end of c_L's interval.
         low: NewtonPerMetre,
-        /// Upper end of the interval.
+        /// Upper end of c_L's interval.
         high: NewtonPerMetre,
     },
-    /// Not distinguishable from a rigid load: the interval has no upper end.
+    /// The load cannot be distinguished from a rigid one: the interval has no upper end.
     AtLeast {
-        /// Lower end of the interval.
+        /// Lower end of c_L's interval.
         low: NewtonPerMetre,
     },
 }
@@ -63,7 +63,7 @@ impl LoadStiffness {
         }
     }
 
-    /// Best estimate; `None` if the load cannot be distinguished from a rigid one.
+    /// Best estimate of c_L; `None` if the load cannot be distinguished from a rigid one.
     pub const fn value(&self) -> Option<NewtonPerMetre> {
         match *self {
             Self::Within { value, .. } => Some(value),
@@ -78,8 +78,8 @@ impl LoadStiffness {
 }
 
 impl LoadRatio {
-    /// The ratio with a further standard uncertainty of kappa: adds it to the standard error and to
-    /// both half-widths of the interval, each as root of the sum of squares.
+    /// The ratio with a further standard uncertainty of kappa. It is added to the standard error
+    /// and to both half-widths of the interval, each as the root of the sum of squares.
     #[must_use]
     pub fn with_uncertainty(&self, further: f32) -> Self {
         let reach = NORMAL_975 * further;
@@ -91,8 +91,9 @@ impl LoadRatio {
         }
     }
 
-    /// The ratio if the part `uniform` of the standard error comes from errors that are uniform
-    /// within limits: both half-widths of the interval by [`coverage_factor`].
+    /// The ratio if its standard error contains errors that are uniform within limits and have the
+    /// standard deviation `uniform`: [`coverage_factor`] replaces the normal quantile in both
+    /// half-widths of the interval.
     #[must_use]
     pub fn with_uniform_part(&self, uniform: f32) -> Self {
         let factor = coverage_factor(uniform / self.standard_error) / NORMAL_975;
@@ -103,7 +104,8 @@ impl LoadRatio {
         }
     }
 
-    /// Stiffness c_L = c_S/kappa: the interval of kappa inverted, with exactly the same coverage.
+    /// Stiffness c_L = c_S/kappa. The ends of its interval are those of kappa's, inverted, so its
+    /// coverage is exactly the same.
     ///
     /// ```
     /// use palpate_model::ramp::{LoadRatio, LoadStiffness};
@@ -141,7 +143,7 @@ impl LoadRatio {
     }
 }
 
-/// Variances of numerator and denominator of a ratio, with their covariance.
+/// Variances of the numerator and the denominator of a ratio, and their covariance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RatioCovariance {
     pub(super) numerator: f32,
@@ -149,15 +151,16 @@ pub(super) struct RatioCovariance {
     pub(super) denominator: f32,
 }
 
-/// Distances from the estimate `ratio` to the lower (negative) and upper end of its interval.
+/// Distances from the estimate `ratio` to the lower (negative) and the upper end of its interval.
 ///
-/// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): all rho for which
-/// numerator - rho denominator is within `quantile` standard errors of zero. Written in
-/// delta = rho - ratio, which keeps the digits that the textbook's quadratic in rho loses:
+/// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): the interval
+/// contains all rho for which numerator - rho denominator is within `quantile` standard errors of
+/// zero. Written in delta = rho - ratio, which keeps the digits that the textbook's quadratic in
+/// rho loses:
 ///
 /// (b^2 - t^2 V_bb) delta^2 - 2 t^2 (rho V_bb - V_ab) delta - t^2 V_rho <= 0.
 ///
-/// `Err` carries b over its standard error when b^2 <= t^2 V_bb: then the interval is unbounded.
+/// If b^2 <= t^2 V_bb, the interval is unbounded: `Err` contains b divided by its standard error.
 pub(super) fn fieller(
     ratio: f32,
     denominator: f32,

@@ -3,16 +3,18 @@
 /// Requested accuracy of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
-    /// Estimated relative error of centre and core mean at which refinement ends.
+    /// Refinement ends when the estimated errors of centre and core mean, relative to them, are at
+    /// most this.
     pub relative: f64,
     /// Order of the elements, 2 to 5.
     pub order: u32,
-    /// Number of unknowns at which refinement ends in any case.
+    /// Refinement ends at this number of unknowns, whatever the estimated errors.
     pub most_unknowns: usize,
 }
 
 impl Default for Accuracy {
-    /// 10⁻⁴ with cubic elements; see the benchmark in docs/field.md for the choice of the order.
+    /// An accuracy of 10⁻⁴ with cubic elements; for the choice of the order see the benchmark in
+    /// docs/field.md.
     fn default() -> Self {
         Self {
             relative: 1e-4,

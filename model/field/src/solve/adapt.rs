@@ -1,4 +1,4 @@
-//! Adaptive solution: solve, estimate and refine until the figures settle.
+//! Adaptive solution: solves, estimates the errors and refines the mesh until the figures settle.
 
 use super::accuracy::Accuracy;
 use super::assembly::Level;
@@ -19,11 +19,11 @@ use crate::mesh;
 pub struct SolveReport {
     /// Number of unknowns on the last mesh.
     pub unknowns: usize,
-    /// Number of meshes.
+    /// Number of meshes solved.
     pub levels: usize,
-    /// Linear solves on the last mesh.
+    /// Number of linear solves on the last mesh.
     pub newton_iterations: usize,
-    /// Linear solves on all meshes.
+    /// Number of linear solves on all meshes.
     pub linear_solves: usize,
     /// Whether the requested accuracy is reached; otherwise refinement ended at
     /// [`Accuracy::most_unknowns`].
@@ -37,7 +37,7 @@ pub struct Solved {
     pub level: Level,
     /// Coefficients of A_φ/r, T.
     pub w: Vec<f64>,
-    /// Excitation.
+    /// Excitation of the field.
     pub excitation: Excitation,
     /// Figures of merit.
     pub figures: Figures,
@@ -49,8 +49,8 @@ pub struct Solved {
 
 impl Solved {
     /// The greater of the estimated relative errors of centre and core mean. The error of the
-    /// centre is relative to at least half of the core's mean, since opposed coils have no field
-    /// there.
+    /// centre is relative to the field there, but at least to half of the core's mean, since
+    /// opposed coils have no field at the centre.
     #[must_use]
     pub fn relative_error(&self) -> f64 {
         let centre = self.errors.centre_t / centre_size(&self.figures);
@@ -58,16 +58,18 @@ impl Solved {
     }
 }
 
-/// Share of the indicator that is refined at a time. Half makes the unknowns grow by about 1.7.
+/// At each refinement, triangles are halved that together have this fraction of the total score.
+/// The number of unknowns then grows by a factor of about 1.7.
 const SHARE: f64 = 0.6;
 /// Size of the triangles at singular corners on the first mesh, relative to the circle's radius.
 const CORNER_SIZE: f64 = 0.004;
-/// Newton's last step divided by the requested accuracy.
+/// Newton's method ends when its last step is less than the requested accuracy times this.
 const LAST_STEP: f64 = 0.1;
-/// Work, in unknowns times linear solves, after which triangles are no longer halved for the
-/// greatest field in the plates: this much since the figures settled (5 s), or as much as before.
-/// The built-in designs need up to 4.3e5. Behind a knee from a permeability of 6e5 to that of
-/// vacuum a hundred meshes do not find it; its estimated error shows that.
+/// Limit of the work for the greatest field in the plates, in unknowns times linear solves.
+/// Triangles are no longer halved for it when the work since the figures settled exceeds both this
+/// (5 s) and the work until then. The built-in designs need up to 4.3e5. If a material has a knee
+/// from a permeability of 6e5 to that of vacuum, a hundred meshes do not find the greatest field;
+/// its estimated error shows that.
 const FOR_PLATES: usize = 500_000;
 
 /// Solves a design.
@@ -87,7 +89,8 @@ pub fn solve(
     let mut changes: Option<Figures> = None;
     let mut levels = 0;
     let mut linear_solves = 0;
-    // Unknowns times linear solves: until the figures settled, and on locally refined meshes since.
+    // Work in unknowns times linear solves: `work` until the figures settle, `local_work` on
+    // locally refined meshes afterwards.
     let (mut work, mut local_work) = (0, 0);
     let mut refined_locally = false;
     let mut last_profile: Vec<f64> = Vec::new();
@@ -125,7 +128,7 @@ pub fn solve(
             .as_ref()
             .map(|last| estimate(profiled.change_from(last), &figures, changes));
         changes = match (changes, estimated) {
-            // If only a few triangles were refined, a small change means little.
+            // If only a few triangles were refined, a small change says little about the error.
             (Some(before), Some(now)) if refined_locally => Some(now.greater_of(&before)),
             (_, now) => now,
         };
@@ -142,7 +145,8 @@ pub fn solve(
             let size = before.abs().max(WEAK * figures.core_mean_t);
             (now - before).abs() <= accuracy.relative * size
         });
-        // A local refinement elsewhere cannot show that the axis has settled.
+        // If the mesh was refined only elsewhere, an unchanged axis does not show that the axis has
+        // settled.
         axis_settled = if refined_locally {
             axis_settled && steady
         } else {
@@ -197,7 +201,7 @@ pub fn solve(
     }
 }
 
-/// Solves on one mesh as it is: for convergence studies.
+/// Solves on one mesh without refining it: for convergence studies.
 ///
 /// # Errors
 /// As for [`solve`].
@@ -213,7 +217,7 @@ pub fn solve_on(
     Ok((level, balanced.w))
 }
 
-/// Transfers a solution to a finer mesh, by its values at the new nodes.
+/// Transfers a solution to a finer mesh by its values at the new mesh's nodes.
 pub(super) fn transfer(old: &Space, w: &[f64], new: &Space, parents: &[usize]) -> Vec<f64> {
     let mut transferred = vec![0.0; new.count];
     for ((unknowns, nodes), &parent) in new.unknowns.iter().zip(&new.nodes).zip(parents) {

@@ -13,7 +13,7 @@ use crate::mesh::{Region, ascending};
 /// The problem on one mesh: the space, the materials of its regions and the currents in them.
 #[derive(Debug)]
 pub struct Level {
-    /// The unknowns.
+    /// The mesh with its unknowns.
     pub space: Space,
     /// Material of each region.
     pub materials: Vec<Material>,
@@ -25,8 +25,8 @@ pub struct Level {
     pub background_t: f64,
 }
 
-/// Contribution of a triangle: residual, and the lower half of the tangent, row by row; the tangent
-/// is empty if not requested.
+/// Contribution of a triangle to the residual and to the tangent. Of the tangent it is the lower
+/// half, row by row, or empty if it is not requested.
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,
@@ -41,7 +41,8 @@ impl Local {
         }
     }
 
-    /// Residual at `w`, from the residual at rest and a tangent that does not depend on the field.
+    /// Adds the residual at `w`, computed from the residual at w = 0 and a tangent that does not
+    /// depend on the field.
     pub(super) fn residual_at(&self, unknowns: &[u32], w: &[f64], residual: &mut Vec<f64>) {
         residual.clone_from(&self.residual);
         let value = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
@@ -62,15 +63,15 @@ impl Local {
     }
 }
 
-/// Field and weight at a point of integration.
+/// Field at a point of integration, with the point's weight.
 pub struct At<'p> {
     /// Position.
     pub point: Point,
-    /// Weight of the area dr dx; multiply by 2π r for the volume.
+    /// Weight of the point for an integral over the area dr dx; multiply by 2π r for the volume.
     pub weight: f64,
     /// B_r and B_x, T.
     pub b: [f64; 2],
-    /// A_φ/r without the background's share, T.
+    /// A_φ/r without that of the background field, T.
     pub w: f64,
     /// Region of the point.
     pub region: &'p Region,
@@ -81,7 +82,7 @@ pub struct At<'p> {
 }
 
 impl Level {
-    /// Collects the materials and currents of a design on a space.
+    /// Collects the materials and currents of a design for a mesh.
     #[must_use]
     pub fn new(design: &Design, space: Space, excitation: &Excitation) -> Self {
         let material = |region: &Region| {
@@ -114,15 +115,15 @@ impl Level {
         }
     }
 
-    /// The material of a region, and the field there in excess of the remanence, T: H = ν
-    /// (B − B_r), so the material's law applies to this difference.
+    /// The material of a region, and its field in excess of the remanence, T: since H = ν (B −
+    /// B_r), the material's law applies to this difference.
     pub(crate) fn law_at(&self, region: usize, b: [f64; 2]) -> (&Material, [f64; 2]) {
         let material = self.materials.get(region).unwrap_or(&Material::VACUUM);
         let remanence_t = self.remanences_t.get(region).copied().unwrap_or(0.0);
         (material, [b[0], b[1] - remanence_t])
     }
 
-    /// Calls `visit` at every point of integration within the circle.
+    /// Calls `visit` at every point of integration inside the circle.
     pub fn visit(&self, w: &[f64], mut visit: impl FnMut(&At<'_>)) {
         let mut placed = Placed::new(&self.space.basis);
         for (index, triangle) in self.space.mesh.triangles.iter().enumerate() {
@@ -197,7 +198,8 @@ impl Level {
             ];
             let (material, excess) = self.law_at(region, b);
             let law = material.reluctivity(length(excess));
-            // The background is a curl-free field of its own: only the excess over ν₀B₀ drives.
+            // The background is itself a curl-free field, so only the excess of H over ν₀B₀
+            // contributes.
             let h = [
                 law.nu * excess[0],
                 law.nu * excess[1] - self.background_t / MU_0,
@@ -209,7 +211,8 @@ impl Level {
         }
     }
 
-    /// The arc's integral (1/R) ∮ w v r³ ds for each of its edges: triangle and full matrix.
+    /// For each edge of the arc, its triangle and the full matrix of the integral (1/R) ∮ w v r³
+    /// ds.
     pub(super) fn arc(&self) -> Vec<(usize, Vec<f64>)> {
         let mesh = &self.space.mesh;
         let radius = mesh.circle.radius;
@@ -250,7 +253,7 @@ impl Level {
     }
 }
 
-/// The point at the share `t` of a side.
+/// Barycentric coordinates of the point at the fraction `t` of a side.
 pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
     let mut at = [0.0; 3];
     at[side] = 1.0 - t;
@@ -258,7 +261,7 @@ pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
     at
 }
 
-/// Position on a side, and its derivative with respect to the share of the side.
+/// Position on a side, and its derivative with respect to the fraction of the side.
 pub(super) fn along(nodes: &[Point], sample: &BasisValues, side: usize) -> (Point, [f64; 2]) {
     // Changes of the second and third barycentric coordinates along the three sides.
     let by = [[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]][side];
@@ -273,7 +276,7 @@ pub(super) fn along(nodes: &[Point], sample: &BasisValues, side: usize) -> (Poin
     (point, tangent)
 }
 
-/// Value and gradient of the function with the coefficients `w`.
+/// Value and gradient at a point of the function with the coefficients `w`.
 pub(super) fn combine(
     w: &[f64],
     unknowns: &[u32],
@@ -291,7 +294,7 @@ pub(super) fn combine(
     (value, slope)
 }
 
-/// Adds scale · vᵢᵀ h to the residual and scale · vᵢᵀ D vⱼ to the tangent's lower half.
+/// Adds scale · vᵢᵀ h to the residual and scale · vᵢᵀ D vⱼ to the lower half of the tangent.
 fn add(out: &mut Local, scale: f64, law: [[f64; 2]; 2], h: [f64; 2], vectors: &[[f64; 2]]) {
     let mut entries = out.tangent.iter_mut();
     for ((i, v), residual) in vectors.iter().enumerate().zip(&mut out.residual) {

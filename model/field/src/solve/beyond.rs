@@ -1,4 +1,4 @@
-//! Detection of fields beyond the tables of their materials.
+//! Finds parts whose field exceeds the table of their material.
 
 use super::adapt::Solved;
 use super::evaluate::Locator;
@@ -10,15 +10,15 @@ use crate::plates;
 pub struct BeyondTable {
     /// Index of the part.
     pub part: usize,
-    /// Greatest |B| in its metal, at least 0.1 mm from corners, T.
+    /// Greatest |B| in the part's metal, at least 0.1 mm from corners, T.
     pub greatest_t: f64,
     /// Last B of the table, T; above it B rises as in vacuum.
     pub ends_t: f64,
 }
 
 impl Solved {
-    /// The parts whose field exceeds the table of their material; none for a field per ampere,
-    /// which is far below saturation.
+    /// The parts whose field exceeds the table of their material. A field per ampere is far below
+    /// saturation, so it has none.
     #[must_use]
     pub fn beyond_tables(&self, design: &Design) -> Vec<BeyondTable> {
         if !self.excitation.saturating {

@@ -1,11 +1,13 @@
-//! Cholesky factor of a matrix that is a sum over elements, by nested dissection of the mesh.
+//! Cholesky factor of a matrix that is a sum over elements, computed by nested dissection of the
+//! mesh.
 //!
-//! The elements are halved by position, along the axis that cuts fewer of them, until few are left.
-//! In each set, the unknowns that no other element shares are eliminated in a dense matrix, its
-//! front; a dense matrix on the boundary of the set remains, and is added to the front of the two
-//! halves' union. This is the multifrontal method of Duff and Reid (1983) in the order of George
-//! (1973): for n unknowns in a plane, the factor has O(n log n) entries and takes O(n^1.5)
-//! multiplications, the least possible.
+//! The elements are divided into two halves by position, across the axis for which the halves share
+//! fewer unknowns, again and again until few are left in a set. In each set, the unknowns that no
+//! other element shares are eliminated in a dense matrix, the set's front; a dense matrix on the
+//! boundary of the set remains, and is added to the front of the union with the other half. This is
+//! the multifrontal method of Duff and Reid (1983) in the order of George (1973): for n unknowns in
+//! a plane, the factor has O(n log n) entries and takes O(n^1.5) multiplications, the least
+//! possible.
 //!
 //! The matrix is real and positive definite, or complex and symmetric with real and imaginary parts
 //! that are positive semidefinite and whose sum is definite. Such a matrix needs no pivoting
@@ -14,27 +16,27 @@
 use super::scalar::Scalar;
 use crate::geometry::Point;
 
-/// Largest number of elements in a set that is not halved.
+/// Largest number of elements in a set that is not divided further.
 const LEAF: usize = 4;
-/// Set size above which a set is halved along the axis along which its halves share fewer unknowns;
-/// a smaller set is halved along its longer side. With many small triangles in a row, the median
-/// along the shorter side cuts them all.
+/// A set with more elements than this is halved along the axis for which its halves share fewer
+/// unknowns; a smaller set is halved along its longer side. The comparison is needed if many small
+/// triangles lie in a row across the longer side: the median of that side would cut all of them.
 const JUDGED: usize = 32;
 
-/// An element: its unknowns and position.
+/// An element: its unknowns, and the position of its centre.
 pub(super) struct Element<'e> {
     pub(super) unknowns: &'e [u32],
     pub(super) centre: Point,
 }
 
 impl Element<'_> {
-    /// Number of entries of the lower half of its matrix.
+    /// Number of entries of the lower half of the element's matrix.
     pub(super) fn entries(&self) -> usize {
         triangle(self.unknowns.len())
     }
 }
 
-/// Order of elimination.
+/// Order of elimination of the unknowns.
 pub(super) struct Dissection {
     /// The fronts, children before their parents.
     fronts: Vec<Front>,
@@ -42,7 +44,7 @@ pub(super) struct Dissection {
 
 /// A dense matrix in which some unknowns are eliminated.
 struct Front {
-    /// Unknowns: those eliminated here, then those of the boundary.
+    /// Numbers of the unknowns: first those eliminated here, then those of the boundary.
     unknowns: Vec<u32>,
     /// Number of unknowns eliminated here.
     pivots: usize,
@@ -50,32 +52,32 @@ struct Front {
     terms: Vec<Term>,
 }
 
-/// A matrix that is added to a front.
+/// A matrix that is one term of a front.
 struct Term {
     source: Source,
-    /// Positions of its rows and columns in the front.
+    /// Positions in the front of the matrix's rows and columns.
     places: Vec<usize>,
 }
 
 enum Source {
-    /// An element; its lower half starts at this index among all entries, row by row.
+    /// An element. The lower half of its matrix starts at this index among all entries, row by row.
     Element(usize),
-    /// Remainder of another front on its boundary, column by column.
+    /// What another front leaves on its boundary, column by column.
     Front(usize),
 }
 
-/// A factor: for each front the eliminated columns, one after the other.
+/// A factor: the eliminated columns of each front, one after the other.
 pub(super) struct Factor<T = f64> {
     columns: Vec<Vec<T>>,
 }
 
-/// Error: the matrix has a direction in which it is not positive; a complex matrix has no pivot.
+/// Error: the real matrix is not positive definite, or a pivot of the complex matrix is zero.
 #[derive(Debug)]
 pub(super) struct NotPositive;
 
 impl Dissection {
-    /// Computes the order for elements whose lower halves are stored one after the other among the
-    /// entries.
+    /// Computes the order of elimination for elements whose lower halves are stored one after the
+    /// other.
     pub(super) fn of(elements: &[Element<'_>], unknowns: usize) -> Self {
         let mut builder = Builder {
             fronts: Vec::new(),
@@ -96,7 +98,8 @@ impl Dissection {
         }
     }
 
-    /// Factors the matrix with these entries: the elements' lower halves, row by row.
+    /// Factors the matrix with the given entries: the lower halves of the elements' matrices, row
+    /// by row.
     pub(super) fn factor<T: Scalar>(&self, entries: &[T]) -> Result<Factor<T>, NotPositive> {
         let mut columns = Vec::with_capacity(self.fronts.len());
         let mut boundaries: Vec<Vec<T>> = Vec::with_capacity(self.fronts.len());
@@ -109,7 +112,7 @@ impl Dissection {
         Ok(Factor { columns })
     }
 
-    /// Solves with a factor.
+    /// Solves a system of equations whose matrix has been factored.
     pub(super) fn solve<T: Scalar>(&self, factor: &Factor<T>, rhs: &[T]) -> Vec<T> {
         let mut x = rhs.to_vec();
         let mut local = Vec::new();
@@ -162,7 +165,7 @@ struct Unknown {
     uses: u32,
     /// Number of elements of the current set with this unknown. Zero between fronts.
     seen: u32,
-    /// Position in the current front.
+    /// Position of the unknown in the current front.
     place: usize,
 }
 
@@ -170,15 +173,15 @@ struct Unknown {
 type Boundary = Vec<(u32, u32)>;
 
 impl Builder {
-    /// Reads or changes an unknown.
+    /// Calls `act` with the state of an unknown.
     fn at<T: Default>(&mut self, number: u32, act: impl FnOnce(&mut Unknown) -> T) -> T {
         self.unknowns
             .get_mut(number as usize)
             .map_or_else(T::default, act)
     }
 
-    /// Makes the fronts of a set of elements, each given with the start of its entries. The last
-    /// front is that of the set.
+    /// Creates the fronts of a set of elements, each given with the index at which its entries
+    /// start; the last front is that of the whole set. Returns the set's boundary.
     fn dissect(&mut self, set: &mut [(&Element<'_>, usize)]) -> Boundary {
         if set.len() <= LEAF {
             let terms = set.iter().map(|(element, start)| {
@@ -218,7 +221,7 @@ impl Builder {
         }
         let mut shared = 0;
         for number in unknowns_of(high) {
-            // Each shared unknown counts once.
+            // `seen` makes each shared unknown count once.
             shared += self.at(number, |unknown| {
                 core::mem::take(&mut unknown.seen) as usize
             });
@@ -229,7 +232,7 @@ impl Builder {
         shared
     }
 
-    /// Adds the front that is the sum of several matrices, and returns its boundary.
+    /// Creates the front that is the sum of several matrices, and returns its boundary.
     fn front(&mut self, terms: Vec<(Source, Boundary)>) -> Boundary {
         let mut numbers = Vec::new();
         for &(number, uses) in terms.iter().flat_map(|(_, boundary)| boundary) {
@@ -242,7 +245,7 @@ impl Builder {
                 numbers.push(number);
             }
         }
-        // An unknown whose elements are all in this set is not shared with any element outside.
+        // If all elements of an unknown are in this set, no element outside shares it.
         let (mut numbers, outer): (Vec<u32>, Vec<u32>) = numbers
             .iter()
             .partition(|&&number| self.at(number, |unknown| unknown.seen == unknown.uses));
@@ -277,7 +280,7 @@ impl Builder {
     }
 }
 
-/// Moves the half of a set with the lower centres along an axis to the front.
+/// Moves the half of a set whose centres are lower along an axis to the beginning of the slice.
 fn halve(set: &mut [(&Element<'_>, usize)], axis: usize) {
     set.select_nth_unstable_by(set.len() / 2, |(a, _), (b, _)| {
         a.centre[axis].total_cmp(&b.centre[axis])
@@ -294,7 +297,7 @@ fn widest_axis(set: &[(&Element<'_>, usize)]) -> usize {
 }
 
 impl Front {
-    /// Matrix of the front. Consumes the remainders of its children on their boundaries.
+    /// Sums up the matrix of the front. Consumes what its children left on their boundaries.
     fn sum<T: Scalar>(&self, entries: &[T], boundaries: &mut [Vec<T>]) -> Dense<T> {
         let mut sum = Dense::zero(self.unknowns.len(), self.pivots);
         for term in &self.terms {
@@ -327,7 +330,7 @@ impl Front {
         sum
     }
 
-    /// The columns eliminated here.
+    /// The columns that were eliminated in this front.
     fn columns<'f, T>(
         &self,
         columns: &'f [T],
@@ -356,9 +359,9 @@ impl Front {
 /// The lower half of a symmetric matrix, column by column, with zeros above the diagonal.
 struct Dense<T> {
     size: usize,
-    /// The eliminated columns.
+    /// The columns of the unknowns to be eliminated.
     pivots: Vec<T>,
-    /// The rows and columns that are not eliminated.
+    /// The rows and columns of the boundary's unknowns.
     boundary: Vec<T>,
 }
 
@@ -387,8 +390,8 @@ impl<T: Scalar> Dense<T> {
         }
     }
 
-    /// Eliminates the pivots: their columns become those of the factor, and the boundary's matrix
-    /// becomes the remainder.
+    /// Eliminates the pivots: their columns become columns of the factor, and the boundary's matrix
+    /// becomes what the front leaves to its parent.
     fn eliminate(&mut self) -> Result<(), NotPositive> {
         let size = self.size.max(1);
         let count = self.pivots.len() / size;
@@ -409,11 +412,11 @@ impl<T: Scalar> Dense<T> {
     }
 }
 
-/// Subtracts the contribution of the factor's columns from a column; `target` is its part from row
-/// `from` on.
+/// Subtracts the contribution of the factor's columns from one column. `target` is that column from
+/// row `from` on.
 fn subtract<T: Scalar>(factor: &[T], size: usize, from: usize, target: &mut [T]) {
     let mut rest = factor;
-    // Four columns at a time, so that the target is read and written a quarter as often.
+    // Four columns at a time, so that `target` is read and written a quarter as often.
     while let Some((four, others)) = rest.split_at_checked(4 * size) {
         let [Some(a), Some(b), Some(c), Some(d)] =
             [0, 1, 2, 3].map(|k| four.get(k * size + from..(k + 1) * size))

@@ -10,9 +10,9 @@ use crate::geometry::{Point, length};
 pub struct FieldAt {
     /// B_r and B_x, T.
     pub b: [f64; 2],
-    /// A_φ/r, T; multiplied by 2π r² it is the flux through the circle.
+    /// A_φ/r, T; multiplied by 2π r² it is the flux through the circle about the axis.
     pub w: f64,
-    /// Region of the triangle.
+    /// Region of the triangle that contains the point.
     pub region: u32,
 }
 
@@ -28,18 +28,18 @@ impl FieldAt {
 pub struct Locator<'l> {
     level: &'l Level,
     w: &'l [f64],
-    /// Triangles by cell of a square grid: inside, then outside.
+    /// Indices of the triangles in each cell of a square grid: inside the circle, then outside.
     cells: [Vec<Vec<u32>>; 2],
 }
 
-/// Number of cells along the diameter. 64 cells contain a few triangles each for the usual meshes.
+/// Number of cells along the circle's diameter. With 64, a cell usually contains a few triangles.
 const CELLS: usize = 64;
 /// Distance outside of a triangle, in barycentric coordinates, up to which a point still counts as
-/// inside.
+/// inside of it.
 const SLACK: f64 = 1e-9;
 
 impl<'l> Locator<'l> {
-    /// Prepares the evaluation of a solution.
+    /// Prepares the search for the triangles of a solution.
     #[must_use]
     pub fn new(level: &'l Level, w: &'l [f64]) -> Self {
         let mut locator = Self {
@@ -57,7 +57,7 @@ impl<'l> Locator<'l> {
             let mut low = [usize::MAX; 2];
             let mut high = [0; 2];
             let corners = mesh.corners_of(triangle);
-            // Straight edges between the nodes of a curved edge reach almost as far as the curve.
+            // Nodes on a curved edge, joined by straight lines, reach almost as far as the curve.
             let margin = if nodes.len() > 3 {
                 0.02 * extent(&corners)
             } else {
@@ -99,7 +99,7 @@ impl<'l> Locator<'l> {
         [clamp(r), clamp(x - circle.centre_x + circle.radius)]
     }
 
-    /// The field at a point with r ≥ 0, including the background's.
+    /// The field at a point with r ≥ 0, including the background field.
     #[must_use]
     pub fn at(&self, point: Point) -> FieldAt {
         let circle = self.level.space.mesh.circle;
@@ -155,7 +155,7 @@ impl<'l> Locator<'l> {
         Some((value, slope, region))
     }
 
-    /// Index of the triangle of a point inside the circle.
+    /// Index of the triangle that contains a point inside the circle.
     pub(crate) fn triangle(&self, point: Point) -> Option<usize> {
         let inside =
             self.level.space.mesh.circle.distance(point) <= self.level.space.mesh.circle.radius;
@@ -163,7 +163,7 @@ impl<'l> Locator<'l> {
         found.map(|(number, _)| number)
     }
 
-    /// The triangle of a point, and the point's barycentric coordinates in it.
+    /// Index of the triangle that contains a point, and the point's barycentric coordinates in it.
     fn find(&self, point: Point, exterior: usize) -> Option<(usize, [f64; 3])> {
         let [column, row] = self.cell(point);
         let cell = self.cells.get(exterior)?.get(row * CELLS + column)?;
@@ -184,7 +184,7 @@ impl<'l> Locator<'l> {
     }
 }
 
-/// Value and gradient at barycentric coordinates of a triangle.
+/// Value and gradient at a point of a triangle, given by its barycentric coordinates.
 pub(super) fn value_at(
     basis: &Basis,
     nodes: &[Point],
@@ -206,10 +206,10 @@ fn extent(corners: &[Point; 3]) -> f64 {
     side(0).max(side(1))
 }
 
-/// Barycentric coordinates of a point, by Newton's method: one step for a straight triangle.
+/// Barycentric coordinates of a point, by Newton's method; a straight triangle needs only one step.
 pub(super) fn invert(basis: &Basis, nodes: &[Point], point: Point) -> [f64; 3] {
     let mut at = straight(nodes, point);
-    // Far outside of a triangle its curvature is meaningless.
+    // Far outside of a triangle, its curved edges say nothing about the position.
     let order = basis.order() as usize;
     let bent = order > 1 && is_bent(basis, nodes);
     if !bent || at.iter().any(|&share| share < -0.5) {

@@ -9,16 +9,16 @@ pub struct Excitation {
     pub currents_a: Vec<f64>,
     /// Uniform field along the axis, T.
     pub background_t: f64,
-    /// Whether materials saturate. If not, they keep their initial permeability.
+    /// Whether materials saturate. If not, they have their initial permeability.
     pub saturating: bool,
-    /// Whether magnets have their remanence. If not, only their permeability counts.
+    /// Whether magnets have their remanence. If not, they only have their permeability.
     pub magnetised: bool,
 }
 
 impl Excitation {
-    /// A current in all driven coils of a design, in series, and no other excitation: materials
-    /// stay far below saturation, and the design's background, the remanence of its magnets and the
-    /// own currents of its coils are omitted, so every figure is proportional to a power of the
+    /// A current in all driven coils of a design, in series, and nothing else. Materials stay far
+    /// below saturation, and the design's background, the remanence of its magnets and the own
+    /// currents of its coils are left out. So every figure is proportional to a power of the
     /// current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
@@ -34,8 +34,8 @@ impl Excitation {
         }
     }
 
-    /// The current in all driven coils with saturating materials, in the design's background, with
-    /// its magnets and the coils that carry currents of their own.
+    /// The current in all driven coils, with saturating materials, the design's background, its
+    /// magnets, and the coils that carry currents of their own.
     #[must_use]
     pub fn saturating(design: &Design, current_a: f64) -> Self {
         Self {

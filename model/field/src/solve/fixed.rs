@@ -3,15 +3,15 @@
 use super::assembly::{Level, Local};
 use crate::element::shape::Placed;
 
-/// Contribution at rest of each triangle whose tangent does not depend on the field: those of
+/// Contributions at w = 0 of the triangles whose tangent does not depend on the field: those of
 /// linear material and of the exterior.
 pub(super) struct Fixed(Vec<Option<Local>>);
 
 impl Fixed {
-    /// No contributions: for a single assembly.
+    /// Contributes nothing in advance: for a single assembly.
     pub(super) const NONE: Self = Self(Vec::new());
 
-    /// Contributions of a level.
+    /// Computes the contributions of a mesh with its materials.
     pub(super) fn of(level: &Level) -> Self {
         let at_rest = vec![0.0; level.space.count];
         let mut placed = Placed::new(&level.space.basis);
@@ -28,7 +28,7 @@ impl Fixed {
         Self(fixed.collect())
     }
 
-    /// Contribution of a triangle, if it is known.
+    /// Contribution of a triangle, if its tangent does not depend on the field.
     pub(super) fn of_triangle(&self, index: usize) -> Option<&Local> {
         self.0.get(index)?.as_ref()
     }

@@ -1,8 +1,8 @@
 //! Error indicator: jumps of the tangential H across edges show where the mesh is too coarse.
 //!
-//! In the exact field H is continuous along every edge. η² = Σ h/(ν₁ + ν₂) ∫ [H_t]² r ds over a
-//! triangle's edges is the classical residual estimate without its interior term, which has the
-//! same size for orders from two on.
+//! In the exact field the tangential H is continuous across every edge. η² = Σ h/(ν₁ + ν₂) ∫ [H_t]²
+//! r ds over a triangle's edges is the classical residual estimate without its interior term, which
+//! has the same size for element orders from two on.
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,29 +14,30 @@ use crate::element::{Basis, quadrature};
 use crate::material::MU_0;
 use crate::mesh::ascending;
 
-/// Jumps at the edges of each triangle.
+/// Jumps of the tangential H at the edges of each triangle.
 pub(super) struct Jumps {
-    /// η², in the unit of the energy.
+    /// η² of each triangle, in the unit of the energy.
     pub(super) energy: Vec<f64>,
-    /// Greatest jump, root mean square along an edge, divided by the mean dH/dB: an error of B, T.
+    /// Greatest jump at an edge of each triangle (root mean square along the edge), divided by the
+    /// mean dH/dB: an error of B, T.
     pub(super) field_t: Vec<f64>,
-    /// The field itself, root mean square over the triangle's edges, T; in the exterior that of the
-    /// mapped field.
+    /// The field of each triangle, root mean square over its edges, T; in the exterior it is that
+    /// of the mapped field.
     pub(super) size_t: Vec<f64>,
 }
 
-/// The jumps of a level's field `w`.
+/// The jumps of the field `w`.
 pub(super) fn jumps(level: &Level, w: &[f64]) -> Jumps {
     jumps_without(level, w, None, &HashSet::new())
 }
 
-/// The jumps of a small change of a level's field `state`, without background and magnets.
+/// The jumps of a small change of the field `state`; background and magnets do not change.
 pub(super) fn jumps_of_change(level: &Level, state: &[f64], change: &[f64]) -> Jumps {
     jumps_without(level, state, Some(change), &HashSet::new())
 }
 
-/// The jumps of a change, or of the field itself if there is none. Edges in `left_out` are skipped,
-/// since no jump is expected there.
+/// The jumps of a change or, if there is none, of the field itself. Edges in `left_out` are
+/// skipped: a jump there is no error.
 pub(super) fn jumps_without(
     level: &Level,
     state: &[f64],
@@ -45,7 +46,7 @@ pub(super) fn jumps_without(
 ) -> Jumps {
     let space = &level.space;
     let rule = quadrature::gauss(space.basis.order() as usize + 1, 0.0);
-    // Sorted, so that the points are the same from either side of an edge.
+    // Sorted, so that an edge has the same points when seen from either side.
     let mut rule: Vec<(f64, f64)> = rule;
     rule.sort_by(|a, b| a.0.total_cmp(&b.0));
     let samples: Vec<Vec<_>> = (0..3)
@@ -76,7 +77,7 @@ pub(super) fn jumps_without(
                 continue;
             }
             let length = crate::geometry::distance(a, b);
-            // ν and dH/dB along the edge.
+            // Sums of ν and of dH/dB along the edge.
             let mut nu_sum = [0.0; 2];
             let mut values: Vec<f64> = Vec::with_capacity(rule.len());
             for sample in samples.get(side).into_iter().flatten() {
@@ -154,11 +155,11 @@ pub(super) fn jumps_without(
     }
 }
 
-/// For each triangle, the probable distance of w from its exact values, T.
+/// For each triangle, the probable difference of w from its exact values, T.
 ///
-/// The part of w that the highest order adds, s_p, and the part that the previous order added,
-/// s_(p−1), show the local convergence of the polynomials: the next order would add about
-/// s_p · s_p/s_(p−1). Jumps do not show this, since w is continuous.
+/// Two parts of w, s_p that the highest order p adds and s_(p−1) that the previous order added,
+/// show how fast the polynomials converge locally: the next order would add about s_p ·
+/// s_p/s_(p−1). Jumps do not show this, since w is continuous.
 pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
     let order = space.basis.order();
     let surplus =
@@ -180,8 +181,8 @@ pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
     space.unknowns.iter().map(triangle).collect()
 }
 
-/// The matrix that maps values at the nodes of a basis to those of the polynomial of a lower order
-/// that agrees at its own nodes.
+/// The matrix that maps a polynomial's values at the nodes of a basis to the values there of the
+/// polynomial of a lower order that agrees with it at that order's nodes.
 fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
     let lower = Basis::new(lower);
     let onto: Vec<Vec<f64>> = lower.points().map(|at| basis.sample(at).values).collect();
@@ -198,7 +199,8 @@ fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
     basis.points().map(row).collect()
 }
 
-/// Marks the triangles with the largest scores that together make up `share` of the total.
+/// Marks the triangles with the largest scores, as many as together have the fraction `share` of
+/// the total.
 pub(super) fn mark(scores: &[f64], share: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     let score = |index: usize| scores.get(index).copied().unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! Estimated errors of a field, and the triangles that should be finer.
+//! Estimated errors of a field, and which triangles should be finer.
 
 use core::f64::consts::TAU;
 
@@ -15,13 +15,14 @@ use crate::geometry::{Point, distance};
 use crate::mesh::{CORNER_M, Triangle, Zone};
 use crate::plates;
 
-/// Fraction of the core's mean below which a field on the axis is weak.
+/// A field on the axis below this fraction of the core's mean is weak: its error is compared with
+/// this fraction of the mean instead.
 pub(super) const WEAK: f64 = 0.02;
-/// Fraction of the core's mean below which the field at its centre is weak: opposed coils have no
-/// field there.
+/// A field at the core's centre below this fraction of the core's mean is weak, as that of opposed
+/// coils, which have no field there.
 const WEAK_CENTRE: f64 = 0.5;
-/// Factor by which inductance and force may be less accurate than the field: at 1e-4 they are
-/// within 0.2 %.
+/// Factor by which the relative error of flux linkage and force may exceed the requested accuracy
+/// of the field: at 1e-4 they are within 0.2 %.
 const WIDER: f64 = 20.0;
 
 /// B_x along the axis within the circle, T.
@@ -35,11 +36,11 @@ pub(super) fn axis(level: &Level, w: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Marks triangles of the inner core and on the axis in which the jump of the field, or the error
-/// of w, exceeds the share `relative` of the field, or of a fiftieth of the core's mean where the
-/// field is weaker. The energy there is small, since volumes near the axis are small, but users
-/// read the field there. On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the
-/// greatest jump.
+/// Marks triangles of the inner core and on the axis whose jump of the field or error of w exceeds
+/// the fraction `relative` of the field; a field weaker than a fiftieth of the core's mean counts
+/// as that. The energy there is small, since volumes near the axis are small, but users read the
+/// field there. On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the greatest
+/// jump.
 pub(super) fn rough(
     design: &Design,
     level: &Level,
@@ -56,7 +57,7 @@ pub(super) fn rough(
             .any(|&vertex| mesh.position(vertex)[0] == 0.0);
         on_axis || mesh.region(triangle).zone >= Zone::ThreeQuarters
     };
-    // At a corner the field has no scale: triangles would be halved there without end.
+    // At a singular corner the field has no scale: triangles there would be halved without end.
     let at_corner = |triangle: &Triangle| {
         let places = mesh.corners_of(triangle);
         let near = |&vertex: &u32| {
@@ -83,8 +84,9 @@ pub(super) fn rough(
         .collect()
 }
 
-/// Estimated error of the field at the core's centre, T: [`SAFETY`] times the jumps of the field,
-/// or the errors of w, of the triangles there. On `pot` the error is 2.4 times the jump.
+/// Estimated error of the field at the core's centre, T: [`SAFETY`] times the greatest of the jumps
+/// of the field and the errors of w in the triangles there. On `pot` the error is 2.4 times the
+/// jump.
 pub(super) fn centre_error(design: &Design, level: &Level, jumps: &Jumps, decay: &[f64]) -> f64 {
     let triangles = level.space.mesh.triangles.iter();
     let triangles = triangles.zip(jumps.field_t.iter().zip(decay));
@@ -107,8 +109,8 @@ fn at_centre(design: &Design, level: &Level, triangle: &Triangle) -> bool {
     on_axis && low <= middle && middle <= high && !mesh.region(triangle).exterior
 }
 
-/// Reference for the relative error at the centre, T: the field there, but at least half of the
-/// core's mean.
+/// Field to which the error at the core's centre is relative, T: the field there, but at least half
+/// of the core's mean.
 pub(super) fn centre_size(figures: &Figures) -> f64 {
     figures
         .centre_t
@@ -116,9 +118,9 @@ pub(super) fn centre_size(figures: &Figures) -> f64 {
         .max(WEAK_CENTRE * figures.core_mean_t)
 }
 
-/// Whether the estimated errors are small enough: centre and mean field as requested, integrals
-/// over the whole field [`WIDER`] times that. If a force cancels, its error is compared with a
-/// hundredth of the energy over the gap.
+/// Whether the estimated errors are small enough: those of centre and mean field as requested,
+/// those of flux linkage and force [`WIDER`] times that. The error of a force that nearly cancels
+/// is compared with a hundredth of the energy divided by the gap.
 pub(super) fn close(
     errors: &Figures,
     figures: &Figures,
@@ -141,8 +143,8 @@ pub(super) fn close(
         && within(errors.force_by_stress_n, force)
 }
 
-/// Upper bound of the field energy outside of the magnets, J: B_r²/8μ per volume, reached if B is
-/// half of B_r.
+/// Upper bound of the field energy outside of the magnets, J: B_r²/8μ times their volume, which is
+/// reached if B is half of B_r.
 fn energy_of_magnets_j(level: &Level) -> f64 {
     if level.remanences_t.iter().all(|remanence| *remanence == 0.0) {
         return 0.0;
@@ -156,20 +158,20 @@ fn energy_of_magnets_j(level: &Level) -> f64 {
     energy_j
 }
 
-/// Safety factor. The change from mesh to mesh is nearly the error of the coarser one if meshes
-/// improve fast. At the edge of a permeable plate they do not, and the finer one's error is up to
-/// 2.3 times the change (found on `C1in` against fourth order at 3e-6): hence a factor of 3
-/// everywhere.
+/// The estimated error is the change from mesh to mesh times this safety factor. If meshes improve
+/// fast, the change is nearly the error of the coarser mesh. At the edge of a permeable plate they
+/// do not, and the error of the finer mesh is up to 2.3 times the change (found on `C1in` against
+/// fourth order at 3e-6): hence a factor of 3 everywhere.
 const SAFETY: f64 = 3.0;
-/// Fraction of each earlier estimate that still counts, since a change may vanish by chance, and a
-/// change after a local refinement means little. Over 68 solutions of the built-in designs, from
-/// 1e-3 to 3e-5, the true error of a homogeneity or a profile exceeds the estimate in 6 with a
-/// quarter, in 2 with 0.4, in none with a half.
+/// Fraction of each earlier estimate that the estimated error includes, since a change may vanish
+/// by chance, and a change after a local refinement means little. Over 68 solutions of the built-in
+/// designs, from 1e-3 to 3e-5, the true error of a homogeneity or a profile exceeds the estimate in
+/// 6 with a quarter, in 2 with 0.4, in none with a half.
 const MEMORY: f64 = 0.5;
-/// Least share of the linkage's relative error that counts for the core's mean, the homogeneity and
-/// the force. The flux linkage is an energy, whose error has one sign and falls on every mesh;
-/// other integrals cannot be known better. In the same 68 solutions the true errors are up to 0.14,
-/// 1.8 and 1.1 of it.
+/// Least relative errors of the core's mean, the homogeneity and the force, as multiples of the
+/// linkage's relative error. The flux linkage is an energy, whose error has one sign and falls on
+/// every mesh; other integrals cannot be known better. In the same 68 solutions their true errors
+/// are up to 0.14, 1.8 and 1.1 of the linkage's.
 const LEAST_OF_LINKAGE: LinkageShares = LinkageShares {
     core_mean: 0.25,
     cv: 2.0,
@@ -182,14 +184,14 @@ struct LinkageShares {
     force: f64,
 }
 
-/// Estimated errors on a mesh, from those on the previous mesh and the change since then.
+/// Estimated errors on a mesh, from the change since the previous mesh and the estimates there.
 pub(super) fn estimate(change: Figures, figures: &Figures, before: Option<Figures>) -> Figures {
     let mut errors = change.scaled(SAFETY);
     if let Some(before) = before {
         errors = errors.greater_of(&before.scaled(MEMORY));
     }
     let energy = errors.linkage_wb / figures.linkage_wb.abs();
-    // A design without a coil has no linkage.
+    // A design without a coil has no flux linkage.
     if energy.is_finite() {
         let least = LEAST_OF_LINKAGE;
         let raise = |error: &mut f64, size: f64| *error = error.max(energy * size.abs());
@@ -207,21 +209,21 @@ pub(super) fn estimate(change: Figures, figures: &Figures, before: Option<Figure
     errors
 }
 
-/// Accuracy of the greatest field in the plates.
+/// Accuracy of the greatest field in the plates, on one mesh.
 pub(super) struct PlatePeak {
     /// Estimated error, T.
     pub(super) error_t: f64,
-    /// Triangles that may contain a greater field.
+    /// Whether each triangle may contain a greater field, so that it has to be halved.
     pub(super) coarse: Vec<bool>,
 }
 
-/// Share of the greatest field in the plates to which it has to be known; triangles are halved
-/// until then. On C1in, C1out, backplates and pot a twentieth takes half as much time again and
-/// halves the true error, which is at most a quarter of the estimate: 1.6 % on C1in.
+/// Largest error of the greatest field in the plates, as a fraction of it: triangles are halved
+/// until it is reached. On C1in, C1out, backplates and pot a twentieth takes half as much time
+/// again and halves the true error, which is at most a quarter of the estimate: 1.6 % on C1in.
 const PLATE: f64 = 0.2;
 
-/// Estimates the error of the greatest field in the plates from the jumps and the decay of each
-/// triangle there.
+/// Estimates the error of the greatest field in the plates from the jumps and the probable error of
+/// w in each triangle there.
 pub(super) fn plate_peak(
     design: &Design,
     level: &Level,
@@ -251,8 +253,8 @@ pub(super) fn plate_peak(
     peak
 }
 
-/// Scores of the triangles: the error of the energy and that of the fields that users read count
-/// equally.
+/// Scores of the triangles for refinement: the error of the energy and that of the fields that
+/// users read count equally.
 pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> Vec<f64> {
     let primal = &primal.energy;
     let dual = jumps_of_change(level, w, dual).energy;
@@ -267,8 +269,9 @@ pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> 
     primal.iter().zip(&product).map(score).collect()
 }
 
-/// Derivative of the goal: the mean of B_x over the core, plus its mean along the axis inside the
-/// circle, taken over the triangles there, each weighted by its share of the axis.
+/// Derivative of the goal with respect to the coefficients of w. The goal is the mean of B_x over
+/// the core plus its mean along the axis inside the circle. The latter is taken over the triangles
+/// on the axis, each weighted by its length there.
 pub(super) fn goal(level: &Level) -> Vec<f64> {
     let space = &level.space;
     let mut core = vec![0.0; space.count];
@@ -306,7 +309,8 @@ pub(super) fn goal(level: &Level) -> Vec<f64> {
         .collect()
 }
 
-/// Adds a factor times the derivative of ∫ B_x r dr dx over a triangle; returns ∫ r dr dx.
+/// Adds `factor` times the derivative of ∫ B_x r dr dx over a triangle to `goal`; returns ∫ r dr
+/// dx.
 fn add_mean(space: &Space, index: usize, factor: f64, goal: &mut [f64]) -> f64 {
     let (Some(nodes), Some(unknowns)) = (space.nodes.get(index), space.unknowns.get(index)) else {
         return 0.0;

@@ -1,12 +1,13 @@
 //! The finite-element solution.
 //!
-//! The unknown is w = A_φ/r, so that B_r = −r ∂w/∂x and B_x = 2w + r ∂w/∂r: polynomials if w is
-//! one, without the 1/r of A_φ itself, and the field on the axis is 2w, a value and no derivative.
+//! The unknown is w = A_φ/r, so that B_r = −r ∂w/∂x and B_x = 2w + r ∂w/∂r. These are polynomials
+//! if w is one, without the 1/r that A_φ itself would bring, and the field on the axis is 2w, a
+//! value and not a derivative.
 //!
 //! Outside of the circle of radius R the field is harmonic, and w is an axisymmetric harmonic
 //! function of five dimensions: Kelvin's transform w″ = (R/ρ′)³ w, mapped to ρ′ = R²/ρ, is harmonic
 //! too. The energy outside becomes ∫ |∇w″|² r³ over the half-disc plus (1/R) ∮ w² r³ on the arc. No
-//! space is cut off, and a dipole's far field is a constant.
+//! space is cut off, and a dipole's far field is mapped to a constant.
 
 mod ac;
 mod accuracy;

@@ -42,11 +42,11 @@ impl From<crate::mesh::MeshError> for SolveError {
     }
 }
 
-/// The entries whose sum is the matrix of a level, and the order of elimination.
+/// Structure of a mesh's matrix: the entries whose sum it is, and the order of elimination.
 pub(super) struct Pattern {
     elimination: Dissection,
     entries: usize,
-    /// For each edge of the arc, its triangle and its matrix.
+    /// For each edge of the arc between inside and outside, its triangle and its matrix.
     arc: Vec<(usize, Vec<f64>)>,
 }
 
@@ -67,7 +67,7 @@ impl Pattern {
         }
     }
 
-    /// Computes the residual, and on request the tangent's entries in the pattern's order.
+    /// Computes the residual and, on request, the entries of the tangent in the pattern's order.
     /// Contributions in `fixed` are not computed again.
     pub(super) fn assemble(
         &self,
@@ -119,13 +119,13 @@ impl Pattern {
         (residual, entries)
     }
 
-    /// Factors the matrix with these entries.
+    /// Factors the matrix with the given entries.
     pub(super) fn factor(&self, entries: &[f64]) -> Result<Factor, SolveError> {
         let factor = self.elimination.factor(entries);
         factor.map_err(|NotPositive| SolveError::Factor)
     }
 
-    /// Solves with a factor of a matrix with this pattern.
+    /// Solves a system of equations whose matrix has this pattern and has been factored.
     pub(super) fn solve(&self, factor: &Factor, rhs: &[f64]) -> Vec<f64> {
         self.elimination.solve(factor, rhs)
     }
@@ -139,21 +139,22 @@ fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
     }
 }
 
-/// A solution with the last factor of the matrix and the number of steps.
+/// A solution, the last factor of the matrix, and the number of steps taken.
 pub(super) struct Balanced {
     pub(super) w: Vec<f64>,
     pub(super) factor: Factor,
     pub(super) steps: usize,
 }
 
-/// Last step below which only rounding errors remain.
+/// Size of the last step, relative to the field, below which only rounding errors remain.
 pub(super) const EXACT: f64 = 1e-9;
 /// Largest number of steps of Newton's method.
 const MOST_STEPS: usize = 60;
 
-/// Finds w with residual zero, starting from a guess. The residual is the derivative of a convex
-/// energy, so its slope rises along each step: the line search looks for a small slope. The last
-/// step is at most `last_step` of the field, by energy; the remaining error is about its square.
+/// Finds the w whose residual is zero, starting from a guess. The residual is the derivative of a
+/// convex energy, so the slope of the energy rises along each step: the line search looks for a
+/// small slope. The last step is at most `last_step` of the field, by energy; the remaining error
+/// is about the square of that.
 pub(super) fn balance(
     level: &Level,
     pattern: &Pattern,
@@ -191,7 +192,7 @@ pub(super) fn balance(
         for (w, d) in w.iter_mut().zip(&direction) {
             *w += share * d;
         }
-        // Twice the work of the currents, which bounds wᵀKw.
+        // Twice the work of the currents, an upper bound of wᵀKw.
         scale = scale.max(slope.abs()).max(dot(&at_rest, &w).abs());
         if slope.abs() <= last_step.powi(2) * scale {
             return Ok(Balanced {
@@ -217,14 +218,14 @@ fn in_one_step(level: &Level, pattern: &Pattern, mut w: Vec<f64>) -> Result<Bala
     })
 }
 
-/// Newton's step.
+/// Newton's step: the negative residual divided by the tangent.
 fn downhill(pattern: &Pattern, factor: &Factor, residual: &[f64]) -> Vec<f64> {
     let mut direction = pattern.solve(factor, residual);
     direction.iter_mut().for_each(|d| *d = -*d);
     direction
 }
 
-/// Share of the step at which the slope has fallen to a tenth.
+/// Fraction of the step at which the slope has fallen to a tenth.
 fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
     let (mut low, mut high) = ((0.0, slope), (1.0, slope_at(1.0)));
     let mut widening = 0;
@@ -238,8 +239,8 @@ fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
         if high.1.abs() <= 0.1 * slope.abs() || high.1 < 0.0 {
             return high.0;
         }
-        // The slope is steep beyond the bend, so false position converges slowly: take the mean of
-        // its step and bisection.
+        // The slope is steep beyond the bend of the curve, so false position converges slowly: take
+        // the mean of its point and that of bisection.
         let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
         let middle = 0.5 * (secant + 0.5 * (low.0 + high.0));
         let at = (middle, slope_at(middle));

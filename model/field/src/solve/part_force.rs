@@ -12,9 +12,10 @@ use crate::mesh::Region;
 
 impl Solved {
     /// Force along the axis on a part, N, by virtual work (Coulomb 1983): the part is moved rigidly
-    /// with its flux, and the triangles about it are stretched. This is Maxwell's stress, averaged
-    /// over them. Its error is not estimated. `None` if the part touches magnetic material, since
-    /// the force on either side of that face depends on the gap that opens there.
+    /// with its flux, and the triangles that touch it are stretched. The result is Maxwell's
+    /// stress, averaged over these triangles. Its error is not estimated. `None` if the part
+    /// touches magnetic material: the force on their common face depends on the gap that would open
+    /// there.
     #[must_use]
     pub fn force_on_n(&self, part: Named) -> Option<f64> {
         let space = &self.level.space;
@@ -40,7 +41,7 @@ impl Solved {
             if region.exterior || belongs(&region) || !corners.contains(&true) {
                 continue;
             }
-            // Share of the part's displacement with which each node moves.
+            // Fraction of the part's displacement by which each node moves.
             let shares = |at: &[f64; 3]| -> f64 {
                 let near = at.iter().zip(corners).filter(|(_, moved)| *moved);
                 near.map(|(share, _)| share).sum()
@@ -75,7 +76,8 @@ impl Solved {
                 }
                 let along = material.energy_j_per_m3(size) - nu * b[0] * b[0];
                 let across = nu * b[0] * b[1];
-                // Stretched copper takes its own share of the force.
+                // The current in copper that is stretched has a force of its own, which is
+                // subtracted.
                 let lorentz = -current.copied().unwrap_or(0.0) * b[0];
                 let density = across * stretch[0] + along * stretch[1] + share * lorentz;
                 force_n -= TAU * 0.5 * placed.jacobian * weight * r * density;

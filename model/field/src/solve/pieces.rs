@@ -7,20 +7,21 @@ use crate::element::shape::Placed;
 use crate::geometry::Point;
 use crate::mesh::Region;
 
-/// The field on a triangle within the circle, at the points of a lattice over it. Neighbouring
-/// triangles do not share points, since the field jumps between materials.
+/// The field on a triangle inside the circle, at the points of a lattice. Neighbouring triangles do
+/// not share points, since the field jumps between materials.
 #[derive(Clone, Debug)]
 pub struct Piece {
-    /// Region of the triangle.
+    /// Region of the mesh triangle.
     pub region: Region,
-    /// Points with the field there; row by row from the first side to the opposite corner.
+    /// The lattice's points with the field there, row by row from the first side to the opposite
+    /// corner.
     pub places: Vec<(Point, FieldAt)>,
-    /// The small triangles between the points, by index.
+    /// The small triangles between the lattice's points, as indices of their corners.
     pub triangles: Vec<[usize; 3]>,
 }
 
 impl Solved {
-    /// All triangles within the circle, with each side divided by the order of the elements.
+    /// All triangles inside the circle, with each side divided by the order of the elements.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
         let space = &self.level.space;
@@ -58,7 +59,7 @@ impl Solved {
     }
 }
 
-/// Barycentric coordinates of the lattice, row by row.
+/// Barycentric coordinates of the lattice's points, row by row.
 fn lattice(order: u32) -> impl Iterator<Item = [f64; 3]> {
     let share = move |steps: u32| f64::from(steps) / f64::from(order);
     let row = move |row: u32| (0..=order - row).map(move |column| (column, row));
@@ -67,7 +68,7 @@ fn lattice(order: u32) -> impl Iterator<Item = [f64; 3]> {
         .map(move |(column, row)| [share(order - row - column), share(column), share(row)])
 }
 
-/// The triangles between the points of the lattice.
+/// The small triangles between the points of the lattice.
 fn small_triangles(order: u32) -> Vec<[usize; 3]> {
     let order = order as usize;
     let mut triangles = Vec::new();

@@ -1,11 +1,11 @@
-//! Scalars of a matrix: real, or complex for alternating fields.
+//! Entries of a matrix: real, or complex for alternating fields.
 
 use core::iter::Sum;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Sub, SubAssign};
 
 use num_complex::Complex64;
 
-/// A scalar for which a matrix can be factored.
+/// A type of number for which a matrix can be factored.
 pub(super) trait Scalar:
     Copy
     + Default
@@ -24,14 +24,14 @@ pub(super) trait Scalar:
 }
 
 impl Scalar for f64 {
-    /// Pivots of a positive definite matrix are positive.
+    /// The pivots of a positive definite matrix are positive.
     fn reciprocal_root(self) -> Option<Self> {
         (self > 0.0).then(|| self.sqrt().recip())
     }
 }
 
 impl Scalar for Complex64 {
-    /// Any number except zero can be a pivot; either of its two roots may be used.
+    /// Any number except zero can be a pivot; either of its two square roots may be used.
     fn reciprocal_root(self) -> Option<Self> {
         let root = self.sqrt();
         (root.is_finite() && root.norm_sqr() > 0.0).then(|| root.inv())

@@ -1,4 +1,4 @@
-//! Refinement at points of interest.
+//! Refinement of a solved field at points of interest.
 
 use super::adapt::{Solved, transfer};
 use super::assembly::Level;
@@ -12,26 +12,29 @@ use crate::figures::Figures;
 use crate::geometry::{Point, distance};
 use crate::mesh::CORNER_M;
 
-/// Largest number of rounds. Each halves triangles; twice four of them are a sixteenth.
+/// Largest number of rounds of refinement. Each halves the area of triangles, so eight rounds
+/// reduce their size to a sixteenth.
 const MOST_ROUNDS: usize = 16;
-/// Weight of a triangle's error beside it, relative to its weight within it: with a fifth, the
-/// profiles named in docs/field.md are within half of the stated error; without it, one of them is
-/// seven times off.
+/// Weight of a triangle's error at a point beside the triangle, relative to its weight at a point
+/// inside: with a fifth, the profiles named in docs/field.md are within half of the stated error;
+/// without it, one of them is seven times off.
 const BESIDE: f64 = 0.2;
-/// Newton's last step; the remaining error is about its square.
+/// Newton's method ends when its last step is less than this; the remaining error is about its
+/// square.
 const LAST_STEP: f64 = 1e-4;
-/// Number of unknowns at which refinement ends in any case.
+/// Refinement ends at this number of unknowns, whatever the errors.
 const MOST_UNKNOWNS: usize = 300_000;
 
 impl Solved {
-    /// Refines at points, until jumps of the field and the decay of its polynomials there and
-    /// nearby show an error below the share `relative` of |B| at each point, or of a fiftieth of
-    /// the core's mean where the field is weaker. Points within 0.1 mm of a corner of a permeable
-    /// part do not count.
+    /// Refines the mesh until, at each point, the jumps of the field and the decay of its
+    /// polynomials in the triangles there and nearby show an error below the fraction `relative` of
+    /// |B|; a field weaker than a fiftieth of the core's mean counts as that. Points within 0.1 mm
+    /// of a corner of a permeable part do not count.
     ///
     /// If that takes too many unknowns, the report states that the accuracy is not reached.
     ///
-    /// [`super::solve`] refines for the core: elsewhere its field is a few per cent off.
+    /// [`super::solve`] refines for the core: elsewhere the field that it computes is off by a few
+    /// per cent.
     ///
     /// # Errors
     /// As for [`super::solve`].
@@ -70,9 +73,9 @@ impl Solved {
         Ok(self)
     }
 
-    /// Marks the triangles that make the field at a point too inaccurate: its own, and those whose
-    /// errors reach it. Elsewhere the error of a triangle acts like a dipole: it falls with the
-    /// square of the distance.
+    /// Marks the triangles that make the field at a point too inaccurate: the one that contains the
+    /// point, and others whose errors reach it. Outside of a triangle its error acts like a dipole,
+    /// so it falls with the square of the distance.
     fn blurred(&self, points: &[Point], relative: f64) -> Vec<bool> {
         let jumps = jumps(&self.level, &self.w);
         let decay = decay(&self.level.space, &self.w);

@@ -8,13 +8,13 @@ use super::newton::{Pattern, SolveError};
 use crate::design::Design;
 use crate::figures::Figures;
 
-/// Share of the current by which the field is moved in each direction: the derivative neglects
-/// terms cubic in it, a millionth.
+/// Fraction of the current by which the field is changed up and down: the derivative neglects terms
+/// of the third order, a millionth.
 const STEP: f64 = 1e-3;
 
 impl Solved {
     /// Derivative of every figure with respect to the current of all coils in series, per ampere,
-    /// about the solved field, from the differential permeability of every part. The derivative of
+    /// about the solved field, with the differential permeability of every part. The derivative of
     /// the flux linkage is the differential inductance, H.
     ///
     /// # Errors
@@ -38,7 +38,7 @@ impl Solved {
         Ok(at(1.0).less(&at(-1.0)).scaled(0.5 / step_a))
     }
 
-    /// Derivative of w with respect to the current, T/A, from the tangent.
+    /// Derivative of w with respect to the current, T/A, computed with the tangent.
     fn field_by_current(&self, design: &Design) -> Result<Vec<f64>, SolveError> {
         let one_more_a = Excitation::small(design, 1.0).currents_a;
         let (_, field) = response(design, &self.level, &self.excitation, &self.w, &one_more_a)?;
@@ -46,8 +46,8 @@ impl Solved {
     }
 }
 
-/// Sources of additional current in each coil, A, about a field `w` of a level, and the resulting
-/// proportional change of that field, T.
+/// Right-hand side for an additional current in each coil, A, about a field `w`, and the resulting
+/// change of that field, T, which is proportional to the currents.
 pub(super) fn response(
     design: &Design,
     level: &Level,

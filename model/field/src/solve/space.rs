@@ -1,4 +1,4 @@
-//! Numbering of the unknowns.
+//! Unknowns of a mesh, and their numbering.
 
 use std::collections::HashMap;
 
@@ -9,18 +9,18 @@ use crate::element::{quadrature, shape};
 use crate::geometry::Point;
 use crate::mesh::{Mesh, ascending};
 
-/// A mesh with an element order: its unknowns, and data reused in every integral.
+/// A mesh with an element order: its unknowns, and data that every integral uses.
 #[derive(Clone, Debug)]
 pub struct Space {
     /// The triangulation.
     pub mesh: Mesh,
     /// The polynomial basis.
     pub basis: Basis,
-    /// For each triangle, the numbers of its unknowns.
+    /// Numbers of the unknowns of each triangle.
     pub unknowns: Vec<Vec<u32>>,
     /// Number of unknowns.
     pub count: usize,
-    /// For each triangle, the positions of its nodes.
+    /// Positions of the nodes of each triangle.
     pub nodes: Vec<Vec<Point>>,
     /// Points of integration, with weights for a triangle of area 1.
     pub samples: Vec<(BasisValues, f64)>,
@@ -58,8 +58,8 @@ impl Space {
             .iter()
             .map(|t| shape::nodes(&mesh, t, &basis))
             .collect();
-        // Exact for straight triangles of linear material: the integrand is of degree 2p + 1. One
-        // point more for curved triangles and for ν(B).
+        // Exact for straight triangles of linear material, whose integrand is of degree 2p + 1;
+        // plus one point for curved triangles and for ν(B).
         let samples = quadrature::triangle(basis.order() as usize + 2)
             .into_iter()
             .map(|(at, weight)| (basis.sample(at), weight))
@@ -74,10 +74,10 @@ impl Space {
         }
     }
 
-    /// The element of a triangle, as needed for the elimination.
+    /// A triangle as an element for the elimination.
     pub(super) fn element(&self, triangle: usize) -> Option<Element<'_>> {
         let (unknowns, nodes) = (self.unknowns.get(triangle)?, self.nodes.get(triangle)?);
-        // The first three nodes are the vertices.
+        // The first three nodes of a triangle are its vertices.
         let centre = nodes.iter().take(3).fold([0.0; 2], |[r, x], node| {
             [r + node[0] / 3.0, x + node[1] / 3.0]
         });

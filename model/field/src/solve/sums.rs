@@ -1,4 +1,4 @@
-//! Integrals of a solved field: linkage, work, energy.
+//! Integrals of a solved field: flux linkage, work, energy.
 
 use core::f64::consts::TAU;
 
@@ -11,12 +11,12 @@ use crate::element::quadrature::gauss;
 use crate::material::MU_0;
 
 impl Solved {
-    /// Calls `visit` at every point of integration within the circle.
+    /// Calls `visit` at every point of integration inside the circle.
     pub fn visit(&self, visit: impl FnMut(&At<'_>)) {
         self.level.visit(&self.w, visit);
     }
 
-    /// Flux linked with a coil, Wb: 2π ∫ (turns/area) A_φ r dA, including its sense.
+    /// Flux linked with a coil, Wb: 2π ∫ (turns/area) A_φ r dA, with the sign of the coil's sense.
     #[must_use]
     pub fn linkage_wb(&self, design: &Design, coil: usize) -> f64 {
         let mut linkage = 0.0;
@@ -36,7 +36,7 @@ impl Solved {
         TAU * linkage
     }
 
-    /// Work of the currents ∫ J·A dV, J: twice the energy without saturation and magnets.
+    /// Work of the currents ∫ J·A dV, J: twice the energy if there is no saturation and no magnet.
     #[must_use]
     pub fn work_j(&self, design: &Design) -> f64 {
         let linkages: Vec<f64> = (0..design.coils.len())
@@ -45,9 +45,9 @@ impl Solved {
         dot(&linkages, &self.excitation.currents_a)
     }
 
-    /// Energy of the field ∫∫ H dB dV in all of space, J, summed point by point; in a magnet
-    /// counted from its remanence, where H is 0. Without saturation and magnets it is half the work
-    /// of the currents; a background's energy is infinite.
+    /// Energy of the field ∫∫ H dB dV in all of space, J, summed point by point. In a magnet the
+    /// inner integral starts at the remanence, where H is 0. Without saturation and magnets the
+    /// energy is half the work of the currents; with a background it is infinite.
     #[must_use]
     pub fn energy_j(&self) -> f64 {
         let mut inside = 0.0;
@@ -59,7 +59,7 @@ impl Solved {
         inside + self.energy_outside_j()
     }
 
-    /// Energy outside of the circle, J: ρ = R/t maps the range to infinity onto (0, 1].
+    /// Energy outside of the circle, J: ρ = R/t maps the distances from R to infinity onto (0, 1].
     fn energy_outside_j(&self) -> f64 {
         const PANELS: u32 = 24;
         let circle = self.level.space.mesh.circle;

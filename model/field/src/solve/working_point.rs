@@ -8,20 +8,20 @@ use crate::geometry::distance;
 use crate::material::MU_0;
 use crate::mesh::CORNER_M;
 
-/// Working point of a magnet on its recoil line; all values along its magnetisation.
+/// Working point of a magnet on its recoil line; all values are along its magnetisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkingPoint {
-    /// Mean of B by volume, T.
+    /// Mean of B over the magnet's volume, T.
     pub mean_b_t: f64,
-    /// Mean of H by volume, A/m: negative if the magnet opposes a field.
+    /// Mean of H over the magnet's volume, A/m: negative if a field demagnetises the magnet.
     pub mean_h_a_per_m: f64,
-    /// Least B at a point of integration at least 0.1 mm from corners, T: demagnetisation starts
-    /// where it is below the knee of the recoil line.
+    /// Least B in the magnet, T, of all points of integration at least 0.1 mm from corners:
+    /// demagnetisation starts where it is below the knee of the recoil line.
     pub least_b_t: f64,
 }
 
 impl Solved {
-    /// Working point of a part; `None` for a part that is not a magnet, and for a field without
+    /// Working point of a part; `None` if the part is not a magnet or the field was solved without
     /// magnets.
     #[must_use]
     pub fn working_point(&self, design: &Design, part: usize) -> Option<WorkingPoint> {

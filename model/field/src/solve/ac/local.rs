@@ -1,4 +1,4 @@
-//! Contribution of each triangle to the equations.
+//! Contribution of each triangle to the equations of an alternating field.
 
 use core::f64::consts::TAU;
 
@@ -13,11 +13,12 @@ use crate::material::MU_0;
 use crate::mesh::{Triangle, ascending};
 use crate::solve::assembly::{along, combine, on_side};
 
-/// Remaining fraction of vacuum's reluctivity inside a part whose surface carries all currents.
+/// Fraction of vacuum's reluctivity that remains inside a part whose surface carries all currents,
+/// so that the unknowns there are defined.
 const LEFT_OUT: f64 = 1e-9;
 
 impl System<'_> {
-    /// Adds the entries of a triangle, and the sources of coils in it.
+    /// Adds the matrix entries of a triangle, and the sources of the coils in it.
     pub(super) fn add_triangle(
         &self,
         index: usize,
@@ -92,7 +93,7 @@ impl System<'_> {
         assembled.entries.extend(matrix);
     }
 
-    /// Differential reluctivity at a placed point.
+    /// Differential reluctivity at a sampled point.
     fn reluctivity(
         &self,
         region: &AcRegion,
@@ -110,7 +111,7 @@ impl System<'_> {
             .differential(b)
     }
 
-    /// Adds the surface currents on those sides of a triangle that are the surface of its part.
+    /// Adds the surface currents on the sides of a triangle that are part of its part's surface.
     fn add_surface(
         &self,
         index: usize,
@@ -147,7 +148,7 @@ impl System<'_> {
     }
 }
 
-/// Adds scale · vᵢᵀ D vⱼ to the lower half.
+/// Adds scale · vᵢᵀ D vⱼ to the lower half of a matrix.
 fn add_magnetic(
     matrix: &mut [Complex64],
     scale: Complex64,
@@ -163,7 +164,7 @@ fn add_magnetic(
     }
 }
 
-/// Adds scale · eᵢ eⱼ to the lower half.
+/// Adds scale · eᵢ eⱼ to the lower half of a matrix.
 fn add_products(matrix: &mut [Complex64], scale: Complex64, factors: &[f64]) {
     let mut entries = matrix.iter_mut();
     for (row, a) in factors.iter().enumerate() {

@@ -1,8 +1,9 @@
 //! Alternating fields: eddy currents and lossy permeability at one frequency.
 //!
-//! Phasors e^(iωt), linear about a constant field by the differential reluctivity, without
-//! displacement currents. Rings of one turn are solid copper with current crowding; parts with a
-//! conductivity carry induced currents in circles.
+//! Fields are phasors, proportional to e^(iωt), without displacement currents. Materials are
+//! linearised about a constant field by their differential reluctivity. Rings of one turn are solid
+//! copper, in which the current crowds; parts with a conductivity carry induced currents in
+//! circles.
 
 mod local;
 mod region;
@@ -25,10 +26,10 @@ use crate::mesh::{self, Mesh, MeshLines};
 use region::is_solid;
 use system::System;
 
-/// Results for a coil at a frequency, all other coils open.
+/// Results for one coil at a frequency, with all other coils open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcCoil {
-    /// Index in the design.
+    /// Index of the coil in the design.
     pub coil: usize,
     /// Inductance, H.
     pub inductance_h: f64,
@@ -36,18 +37,19 @@ pub struct AcCoil {
     pub resistance_ohm: f64,
     /// Estimated absolute errors of the inductance, H, the resistance, Ω, and `dc_inductance_h`.
     pub errors: [f64; 3],
-    /// Contribution of currents that may be thinner than the mesh to these three, H and Ω: part of
-    /// the errors.
+    /// Contribution of currents that may be thinner than the mesh to the errors of these three
+    /// values, H and Ω.
     coarse: [f64; 3],
-    /// Changes of these three from the previous mesh, H and Ω.
+    /// Changes of the same three values from the previous mesh, H and Ω.
     changes: [f64; 3],
-    /// Inductance for small changes of a constant, evenly distributed current, H.
+    /// Inductance for small changes of a constant current that is evenly distributed over the
+    /// copper, H.
     pub dc_inductance_h: f64,
     /// Resistance for a constant current, Ω.
     pub dc_resistance_ohm: f64,
-    /// Share of each coil's copper in the resistance, Ω.
+    /// Contribution of each coil's copper to the resistance, Ω.
     pub by_coil_ohm: Vec<f64>,
-    /// Share of each part in the resistance, Ω.
+    /// Contribution of each part to the resistance, Ω.
     pub by_part_ohm: Vec<f64>,
 }
 
@@ -56,40 +58,42 @@ pub struct AcCoil {
 pub struct AcSolved {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// The requested coils.
+    /// Results for the requested coils.
     pub coils: Vec<AcCoil>,
-    /// Voltage on each coil (row) per ampere in each coil (column), the others open, Ω.
+    /// Voltage on each coil (row) per ampere in each coil (column), with all other coils open, Ω.
     pub impedance_ohm: Vec<Vec<Complex64>>,
     /// Number of unknowns on the last mesh.
     pub unknowns: usize,
-    /// Number of meshes.
+    /// Number of meshes solved.
     pub levels: usize,
     /// Whether L and R of all requested coils have the requested accuracy; otherwise refinement
     /// ended at [`Accuracy::most_unknowns`].
     pub reached: bool,
 }
 
-/// Share of the indicator that is refined at a time. On a ring above 30 mm of copper at 100 kHz a
-/// larger share takes up to twice as long, since the last mesh is finer than necessary.
+/// At each refinement, triangles are halved that together have this fraction of the total score.
+/// For a ring above 30 mm of copper at 100 kHz a larger fraction takes up to twice as long, since
+/// the last mesh is finer than necessary.
 const SHARE: f64 = 0.4;
-/// Safety factor: the change from mesh to mesh is nearly the error of the coarser one. Factor and
-/// memory are those of constant fields.
+/// The estimated error is the change from mesh to mesh times this safety factor: the change is
+/// nearly the error of the coarser mesh. This factor and `MEMORY` are those of constant fields.
 const SAFETY: f64 = 3.0;
-/// Fraction of the previous change that still counts, since a change may vanish by chance.
+/// Fraction of the previous change that the estimated error includes, since a single change may
+/// vanish by chance.
 const MEMORY: f64 = 0.5;
 
-/// Fewest meshes, since a single change may be too small by chance: on the sensing coil above
-/// design A the first change was a tenth of the error.
+/// Smallest number of meshes, since a single change may be too small by chance: for the sensing
+/// coil above design A the first change was a tenth of the error.
 const LEAST_MESHES: usize = 3;
-/// Smallest ratio of triangles from mesh to mesh: if a mesh is hardly finer, a small change means
-/// little.
+/// Smallest ratio of the numbers of triangles of successive meshes: if a mesh is hardly finer, a
+/// small change says little about the error.
 const GROWTH: f64 = 1.3;
-/// Score of each half of a triangle divided by that of the whole: a sixteenth in smooth fields, for
-/// cubic polynomials, and a half at singular corners.
+/// Score of each half of a halved triangle, relative to the score of the whole: the true ratio is a
+/// sixteenth in smooth fields with cubic polynomials, and a half at singular corners.
 const HALVED: f64 = 0.25;
 
-/// Solves for alternating currents in coils of a design, about a solved constant field or about
-/// zero. [`Accuracy::relative`] applies to each coil's L and R.
+/// Solves for alternating currents in some coils of a design, about a solved constant field or
+/// about no field. [`Accuracy::relative`] applies to each coil's L and R.
 ///
 /// # Errors
 /// [`SolveError`] if the design cannot be triangulated.
@@ -137,8 +141,8 @@ pub fn solve_ac(
     }
 }
 
-/// Returns a mesh that is [`GROWTH`] times finer where the scores are high, and for each of its
-/// triangles the index of the old triangle that contains it.
+/// Returns a mesh with [`GROWTH`] times as many triangles, finer where the scores are high, and for
+/// each of its triangles the index of the old triangle that contains it.
 fn refined(mesh: &Mesh, mut scores: Vec<f64>) -> (Mesh, Vec<usize>) {
     let mut finer = mesh.clone();
     let mut parents: Vec<usize> = (0..mesh.triangles.len()).collect();
@@ -148,7 +152,7 @@ fn refined(mesh: &Mesh, mut scores: Vec<f64>) -> (Mesh, Vec<usize>) {
             // All scores are 0: there is no field.
             break;
         }
-        // Parts of one triangle are adjacent.
+        // The pieces of one old triangle are adjacent.
         let parts = halved.chunk_by(|a, b| a == b);
         (scores, parents) = parts
             .zip(scores.iter().zip(&parents))
@@ -167,7 +171,8 @@ struct ConstantField<'f> {
     w: &'f [f64],
 }
 
-/// Solves on one mesh. Also returns a score for each triangle: the higher, the coarser it is.
+/// Solves on one mesh. Also returns a score for each triangle: the higher it is, the more the
+/// triangle needs to be halved.
 fn on_level(
     design: &Design,
     level: &Level,
@@ -232,14 +237,14 @@ fn on_level(
     Ok((solved, scores))
 }
 
-/// Adds the share of each triangle in a total.
+/// Adds to each score the triangle's fraction of a total.
 fn add_shares(scores: &mut [f64], of_triangles: &[f64], whole: f64) {
     for (score, of_triangle) in scores.iter_mut().zip(of_triangles) {
         *score += of_triangle / whole;
     }
 }
 
-/// Response to one additional ampere of constant current.
+/// Response of the field to one additional ampere of constant current in each coil.
 struct ConstantResponse {
     inductance_h: f64,
     field: Vec<f64>,
@@ -264,7 +269,8 @@ impl ConstantField<'_> {
 }
 
 impl AcCoil {
-    /// Results of a coil from its impedance, with losses from the forms x̄ᵀ A x of each triangle.
+    /// Computes the results of a coil from its impedance; the losses are the forms x̄ᵀ A x of the
+    /// triangles.
     fn of(
         design: &Design,
         level: &Level,
@@ -314,12 +320,12 @@ impl AcCoil {
         TAU * frequency_hz * self.inductance_h / self.resistance_ohm
     }
 
-    /// The values whose errors are estimated.
+    /// The three values whose errors are estimated.
     fn estimated(&self) -> [f64; 3] {
         [self.inductance_h, self.resistance_ohm, self.dc_inductance_h]
     }
 
-    /// Estimates the errors from the last two changes from mesh to mesh.
+    /// Estimates the errors from the changes between the last three meshes.
     fn estimate(&mut self, last: &Self) {
         let values = self.estimated().into_iter().zip(last.estimated());
         let changes: Vec<f64> = values.map(|(now, then)| (now - then).abs()).collect();
@@ -346,8 +352,8 @@ impl AcSolved {
         self.reached = self.coils.iter().all(|coil| coil.is_within(relative));
     }
 
-    /// Impedance of a coil, Ω, if all driven coils are in series in a short circuit. `None` if the
-    /// coil is one of them, or if there is none.
+    /// Impedance of a coil, Ω, if all driven coils are connected in series and short-circuited.
+    /// `None` if the coil is one of them, or if there are no driven coils.
     #[must_use]
     pub fn with_driven_closed(&self, design: &Design, coil: usize) -> Option<Complex64> {
         let driven: Vec<usize> = (0..design.coils.len())

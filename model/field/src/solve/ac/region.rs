@@ -11,13 +11,13 @@ use crate::mesh::Region;
 #[derive(Clone)]
 pub(super) struct AcRegion {
     pub(super) material: Material,
-    /// Factor 1/(1 − i tan δ) of the complex reluctivity over its real, static value.
+    /// Complex reluctivity divided by the real, static reluctivity: 1/(1 − i tan δ).
     pub(super) reluctivity_factor: Complex64,
     pub(super) conductivity_s_per_m: f64,
     pub(super) winding: Winding,
     /// Skin depth, m; infinite in insulators.
     pub(super) skin_depth_m: f64,
-    /// Whether the part is so thick that all currents flow in its surface.
+    /// Whether the part is so thick that all its currents are assumed to flow in its surface.
     pub(super) in_surface: bool,
 }
 
@@ -25,25 +25,25 @@ pub(super) struct AcRegion {
 #[derive(Clone, Copy)]
 pub(super) enum Winding {
     None,
-    /// Even: coil, and turns per area with the sense, 1/m².
+    /// Even: index of the coil, and turns per area with the sign of the coil's sense, 1/m².
     Stranded {
         coil: usize,
         turns_per_m2: f64,
     },
-    /// By induction: number of the ring's unknown u.
+    /// By induction: number of the unknown u of the ring.
     Solid {
         unknown: u32,
     },
 }
 
 /// Whether the rings of a coil are single turns, in which induction distributes the current. A ring
-/// that reaches the axis is not: any voltage would drive an infinite current there.
+/// that reaches the axis does not count: any voltage would drive an infinite current there.
 pub(super) fn is_solid(design: &Design, coil: usize) -> bool {
     let coil = design.coils.get(coil);
     coil.is_some_and(|coil| coil.turns == 1.0 && coil.rings.iter().all(|ring| ring.r_m[0] > 0.0))
 }
 
-/// For each coil, the number of the unknown u of its first ring, if its rings are solid; and the
+/// For each coil whose rings are solid, the number of the unknown u of its first ring; and the
 /// total number of unknowns.
 pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u32>>, usize) {
     let mut count = count_of_w;
@@ -56,7 +56,7 @@ pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u
     (first, count)
 }
 
-/// Coil, number of the unknown u and sense of each single-turn ring.
+/// Index of the coil, number of the unknown u, and sense, of each single-turn ring.
 pub(super) fn solid_rings(design: &Design, first_rings: &[Option<u32>]) -> Vec<(usize, u32, f64)> {
     let coils = design.coils.iter().zip(first_rings).enumerate();
     let rings = coils.filter_map(|(index, (coil, first))| {
@@ -124,14 +124,14 @@ impl AcRegion {
     }
 }
 
-/// Skin depth divided by a part's least extent, below which all currents are assumed to flow in its
-/// surface. The neglected terms are of second order in skin depth over distance on plane faces, and
-/// of first order on edges.
+/// If the skin depth is less than this fraction of a part's least extent, all currents are assumed
+/// to flow in its surface. On plane faces the neglected terms are of second order in the ratio of
+/// skin depth and distance, on edges of first order.
 const IN_SURFACE: f64 = 1.0 / 200.0;
-/// Skin depth divided by the distance from the coils, below which the same is assumed. By Dodd and
-/// Deeds' integrals with the impedance of a half-space in place of √(α² + iωμσ), the part's share
-/// of R is then off by 1e-4 under a ring five times as wide as high, and by 3.5e-4 under one as
-/// wide as high; L by less than 1e-5.
+/// The skin depth must also be less than this fraction of the distance of part and coils. By Dodd
+/// and Deeds' integrals with the impedance of a half-space in place of √(α² + iωμσ), the part's
+/// contribution to R is then off by 1e-4 under a ring five times as wide as high, and by 3.5e-4
+/// under one as wide as high; L is off by less than 1e-5.
 const BELOW_COILS: f64 = 1.0 / 40.0;
 
 /// Shorter side of the bounding rectangle of a part, m.
@@ -150,7 +150,7 @@ fn least_extent_m(part: &MagneticPart) -> f64 {
     extent(0).min(extent(1))
 }
 
-/// Least distance of the coils from a part, m.
+/// Least distance of some coils from a part, m.
 fn distance_m(design: &Design, coils: &[usize], part: &MagneticPart) -> f64 {
     let coils = coils.iter().filter_map(|&coil| design.coils.get(coil));
     let rings = coils.flat_map(|coil| &coil.rings);

@@ -1,16 +1,15 @@
 //! The equations of an alternating field on one mesh.
 //!
-//! The unknowns are the phasors w = A_φ/r and, for each single-turn ring, u = V/(iω) with the
-//! voltage V around it. For all v and v_u:
-//! Σ ∫ ν′ curl w · curl v + iω σ (r w − u/2πr)(r v − v_u/2πr) r dA = Σ I v_u/2π + ∫ J v r² dA.
-//! The second term is that of the eddy currents. The matrix is complex and symmetric, and its real
-//! and imaginary parts are positive semidefinite. A ring of several turns carries its current
-//! evenly.
+//! The unknowns are the phasors w = A_φ/r and, for each single-turn ring, u = V/(iω), where V is
+//! the voltage around the ring. For all v and v_u: Σ ∫ ν′ curl w · curl v + iω σ (r w − u/2πr)(r v
+//! − v_u/2πr) r dA = Σ I v_u/2π + ∫ J v r² dA. The second term is that of the eddy currents. The
+//! matrix is complex and symmetric, and its real and imaginary parts are positive semidefinite. A
+//! ring of several turns carries its current evenly.
 
 //!
-//! If the skin depth is far below a part's thickness, its inside is omitted, and its surface has
-//! the impedance of a half-space: H_t = A √(iωσν). The inside keeps a billionth of the vacuum's
-//! energy, so that its unknowns are defined.
+//! If the skin depth is far below a part's thickness, the inside of the part is left out, and its
+//! surface has the impedance of a half-space: H_t = A √(iωσν). The inside keeps a billionth of the
+//! vacuum's energy, so that its unknowns are defined.
 
 use core::f64::consts::TAU;
 use std::collections::HashSet;
@@ -33,35 +32,35 @@ pub(super) struct System<'l> {
     pub(super) state: &'l [f64],
     pub(super) omega: f64,
     regions: Vec<AcRegion>,
-    /// For each triangle: its unknowns w, and the unknown of its ring.
+    /// For each triangle: the numbers of its unknowns w, and of the unknown u of its ring.
     pub(super) unknowns: Vec<Vec<u32>>,
-    /// Number of unknowns.
+    /// Total number of unknowns.
     pub(super) count: usize,
     elimination: Dissection,
-    /// Coil, number of the unknown u and sense of each single-turn ring.
+    /// Index of the coil, number of the unknown u, and sense, of each single-turn ring.
     rings: Vec<(usize, u32, f64)>,
-    /// Edges on the surface of parts, in which their currents flow.
+    /// Edges on the surface of parts whose currents flow in the surface.
     pub(super) surface: HashSet<[u32; 2]>,
-    /// These edges and all edges within such parts.
+    /// The edges in `surface`, and all edges inside of such parts.
     pub(super) left_out: HashSet<[u32; 2]>,
-    /// For each edge of the arc, its triangle and its matrix.
+    /// For each edge of the arc between inside and outside, its triangle and its matrix.
     arc: Vec<(usize, Vec<f64>)>,
 }
 
-/// A matrix as a sum: the lower half of each element's matrix, one after the other.
+/// A matrix as a sum over elements: the lower half of each element's matrix, one after the other.
 pub(super) struct Assembled {
     pub(super) entries: Vec<Complex64>,
-    /// For each coil, the source of one ampere in it.
+    /// For each coil, the right-hand side for one ampere in it.
     pub(super) driven: Vec<Vec<f64>>,
 }
 
 /// Largest height of a triangle, in skin depths, that resolves the decay of currents: a cubic
 /// polynomial over two skin depths has the energy within 1e-3, and the change from mesh to mesh
-/// then shows it.
+/// then shows the error.
 const SKIN_DEPTHS: f64 = 2.0;
 
 impl<'l> System<'l> {
-    /// Sets up the equations about a constant field, with an angular frequency in rad/s. Fields are
+    /// Sets up the equations about a constant field, for an angular frequency in rad/s. Fields are
     /// driven by `coils`.
     pub(super) fn of(
         design: &Design,
@@ -105,7 +104,7 @@ impl<'l> System<'l> {
             if region.is_some_and(|region| region.in_surface) {
                 for edge in triangle.edges().map(ascending) {
                     left_out.insert(edge);
-                    // An edge shared by two such triangles is inside.
+                    // An edge that two such triangles share is inside of the part.
                     if !surface.insert(edge) {
                         surface.remove(&edge);
                     }
@@ -133,8 +132,9 @@ impl<'l> System<'l> {
         region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
-    /// For each triangle, its height divided by [`SKIN_DEPTHS`], or 0 if it is lower. A layer that
-    /// is too thick carries the same current with less loss, in proportion to its thickness.
+    /// For each triangle, its height in units of [`SKIN_DEPTHS`] skin depths, or 0 if that is below
+    /// 1. A layer of triangles that is too high carries the same current with less loss, in
+    /// proportion to its height.
     pub(super) fn coarse(&self) -> Vec<f64> {
         let mesh = &self.level.space.mesh;
         let coarse = |triangle: &Triangle| {
@@ -152,7 +152,7 @@ impl<'l> System<'l> {
         mesh.triangles.iter().map(coarse).collect()
     }
 
-    /// Computes the matrix, and the source of each coil.
+    /// Computes the matrix, and the right-hand side of each coil.
     pub(super) fn assemble(&self, coils: usize) -> Assembled {
         let mut assembled = Assembled {
             entries: Vec::new(),
@@ -184,7 +184,7 @@ impl<'l> System<'l> {
         factor.map_err(|NotPositive| SolveError::Factor)
     }
 
-    /// Response to one ampere in a coil.
+    /// Field for one ampere in a coil.
     pub(super) fn solve(&self, factor: &Factor<Complex64>, driven: &[f64]) -> Vec<Complex64> {
         let driven: Vec<Complex64> = driven.iter().map(Complex64::from).collect();
         self.elimination.solve(factor, &driven)
@@ -206,7 +206,7 @@ impl<'l> System<'l> {
                     values.iter().take(row + 1).zip(&mut entries).enumerate()
                 {
                     let both = a.conj() * b;
-                    // The lower half stands for both halves.
+                    // The entries of the lower half represent those of both halves.
                     form += entry
                         * if row == column {
                             both.re
