@@ -1,16 +1,17 @@
 //! Three springs in series: sensing layer c_S, actuated layer c_D, load c_L.
 //!
-//! All carry the same force, F = c_S x_S = c_D x_D = c_L x_L, and the total length is constant,
-//! x_L + x_S + x_D = x_0. With g = c_S/c_D and kappa = c_S/c_L,
+//! All three carry the same force, F = c_S x_S = c_D x_D = c_L x_L, and the total length is
+//! constant, x_L + x_S + x_D = x_0. With g = c_S/c_D and kappa = c_S/c_L,
 //!
 //! x_S = x_0 / (1 + kappa + g),
 //!
-//! so softening the actuated layer (g up) reduces the deformation of the sensing layer, the more
-//! the stiffer the load. Equation numbers are those of the paper on the sensor.
+//! so softening the actuated layer (a larger g) reduces the deformation of the sensing layer. The
+//! stiffer the load, the stronger is this effect. Equation numbers are those of the paper on the
+//! sensor.
 
 use crate::units::{Metre, NewtonPerMetre};
 
-/// The three springs of one state.
+/// The stiffnesses of the three springs in one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -23,21 +24,22 @@ pub struct Springs {
     pub actuated: NewtonPerMetre,
 }
 
-/// Share of each spring in the total compliance, w_i = (1/c_i) / sum(1/c); the three add up to 1.
+/// Fractions of the total compliance, w_i = (1/c_i) / sum(1/c), of the three springs; they add up
+/// to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shares {
-    /// Share of the load, w_L.
+    /// Fraction of the load, w_L.
     pub load: f32,
-    /// Share of the sensing layer, w_S.
+    /// Fraction of the sensing layer, w_S.
     pub sensing: f32,
-    /// Share of the actuated layer, w_D.
+    /// Fraction of the actuated layer, w_D.
     pub actuated: f32,
 }
 
 impl Shares {
-    /// Shares from kappa = c_S/c_L and g = c_S/c_D.
+    /// Computes the fractions from kappa = c_S/c_L and g = c_S/c_D.
     pub fn new(load_ratio: f32, actuated_ratio: f32) -> Self {
         let whole = 1.0 + load_ratio + actuated_ratio;
         Self {
@@ -62,20 +64,20 @@ impl Springs {
         NewtonPerMetre(1.0 / (1.0 / self.load.0 + 1.0 / self.sensing.0 + 1.0 / self.actuated.0))
     }
 
-    /// Shares w_L, w_S, w_D.
+    /// The fractions w_L, w_S, w_D of the total compliance.
     pub fn shares(&self) -> Shares {
         Shares::new(self.sensing / self.load, self.sensing / self.actuated)
     }
 }
 
-/// Load stiffness c_L by eq. (2), the plain formula for two states: from the deformations x_S1,
-/// x_S2 of the sensing layer at the actuated layer's stiffnesses c_D1, c_D2.
+/// Load stiffness c_L by eq. (2), the plain formula for two states. Its inputs are the deformations
+/// x_S1, x_S2 of the sensing layer at the actuated layer's stiffnesses c_D1, c_D2.
 ///
 /// c_L = c_S c_D1 c_D2 (x_S1 - x_S2) / [x_S2 (c_D1 c_D2 + c_S c_D1) - x_S1 (c_D1 c_D2 + c_S c_D2)]
 ///
-/// It is homogeneous of degree 0 in x: the *ratio* of the deformations counts, so their zero must
-/// be known. It has no noise model, no drift and no interval, and in `f32` its differences lose
-/// five digits of seven at a stiffening of 1 %. It serves as a comparison: the estimator of
+/// The result depends on the *ratio* of the deformations only, so their zero must be known. The
+/// formula has no noise model, no drift and no interval, and in `f32` its differences lose five
+/// digits of seven at a stiffening of 1 %. It serves as a comparison: the estimator of
 /// [`ramp`](crate::ramp) reduces to it for two samples, without that loss.
 ///
 /// The result is not finite, or negative, if the deformations fit no spring.
@@ -97,6 +99,6 @@ pub fn two_state_load(
     let [NewtonPerMetre(d1), NewtonPerMetre(d2)] = actuated;
     let [Metre(x1), Metre(x2)] = deformation;
     let NewtonPerMetre(s) = sensing;
-    // Divided by c_D1 c_D2: the same ratio without its large products.
+    // Numerator and denominator are divided by c_D1 c_D2, which avoids large products.
     NewtonPerMetre(s * (x1 - x2) / (x2 * (1.0 + s / d2) - x1 * (1.0 + s / d1)))
 }

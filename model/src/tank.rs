@@ -4,18 +4,19 @@
 //!
 //! L = 1 / ((2 pi f)^2 C).
 //!
-//! The *change* of L matters. A micrometre of deformation changes f by about 1e-4 and a converter
-//! resolves 1e-7 to 1e-8, while `f32` carries 6e-8: as absolute numbers, two neighbouring
-//! frequencies are equal. So the change is formed from the converter's codes as exact integers, and
-//! stays a change from there on:
+//! Only the *change* of L matters. A micrometre of deformation changes f by about 1e-4 and a
+//! converter resolves 1e-7 to 1e-8, while `f32` resolves 6e-8: as absolute `f32` numbers, two
+//! neighbouring frequencies would be equal. So the change is computed from the converter's codes as
+//! exact integers, and all further formulas use the change:
 //!
 //! delta = (D - D0) / D0 = f/f0 - 1, and L/L0 - 1 = -delta (2 + delta) / (1 + delta)^2.
 //!
-//! Damping lowers f by 1/(8 Q^2), 8e-5 at Q = 40; this cancels in the ratio while Q is constant.
+//! Damping lowers f by the fraction 1/(8 Q^2), 8e-5 at Q = 40; this cancels in the ratio while Q is
+//! constant.
 
-/// Relative frequency change f/f0 - 1 from two codes that are proportional to frequency, both with
-/// the same offset added: relative error at most 1.8e-7 *of the change*, for codes below 2^31. Zero
-/// for a reference of 0.
+/// Relative frequency change f/f0 - 1, from two codes that are proportional to frequency and
+/// contain the same offset. Relative error at most 1.8e-7 *of the change*, for codes below 2^31.
+/// Zero for a reference of 0.
 ///
 /// ```
 /// use palpate_model::tank::relative_frequency_change;

@@ -1,11 +1,11 @@
-//! Thermal model of two nodes, copper and pad.
+//! Thermal model with two nodes: copper and pad.
 //!
 //! C_c dT_c/dt = P - (T_c - T_p)/R_cp,
 //! C_p dT_p/dt = (T_c - T_p)/R_cp - (T_p - T_a)/R_pa,
 //!
-//! with T_a the ambient temperature. The copper heats within a second and passes its heat to the
-//! pad, whose time constant of minutes limits the power of a train of ramps. P = I^2 R(T_c),
-//! R = R_20 (1 + 0.00393 (T_c - 20)).
+//! where T_a is the ambient temperature. The copper heats up within a second and passes its heat to
+//! the pad, whose time constant of minutes limits the power of a train of ramps. P = I^2 R(T_c), R
+//! = R_20 (1 + 0.00393 (T_c - 20)).
 
 use crate::math;
 use crate::units::{
@@ -15,10 +15,10 @@ use crate::units::{
 /// Temperature coefficient of copper's resistance near 20 degC, 1/K (IEC 60028).
 pub const COPPER_TEMPCO: f32 = 3.93e-3;
 
-/// Temperature for which a coil's resistance is stated.
+/// Temperature at which a coil's resistance is stated.
 pub const STATED_AT: Celsius = Celsius(20.0);
 
-/// Resistance of a coil at 20 degC.
+/// A coil's copper, given by its resistance at 20 degC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -63,7 +63,7 @@ impl Temperatures {
     }
 }
 
-/// Two heat capacities and two thermal resistances, with the resulting rates.
+/// Two heat capacities and two thermal resistances, with the rates that follow from them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -95,8 +95,8 @@ impl TwoNode {
             1.0 / (pad_capacity.0 * pad_to_ambient.0),
         ];
         let [a, b, c] = rates;
-        // Roots of r^2 - (a + b + c) r + a c: real, since (a + b - c)^2 + 4 b c > 0. The small root
-        // follows from the product of the two, since a difference would lose its digits.
+        // Roots of r^2 - (a + b + c) r + a c: real, since (a + b - c)^2 + 4 b c > 0. The smaller
+        // root is computed from the product of both, since a difference would lose digits.
         let fast = 0.5 * (a + b + c + math::hypot(a + b - c, 2.0 * math::sqrt(b * c)));
         let modes = [fast, a * (c / fast)];
         Ok(Self {
@@ -111,8 +111,8 @@ impl TwoNode {
     /// Temperatures after `duration` of constant `power`, by the exact solution: stable for any
     /// duration.
     ///
-    /// Error at most 2.0e-6 of the largest temperature difference involved, for capacities and
-    /// resistances whose rates lie within 1e5 of each other.
+    /// Error at most 2.0e-6 of the largest temperature difference involved, for heat capacities and
+    /// thermal resistances whose rates differ by a factor of at most 1e5.
     pub fn after(
         &self,
         start: Temperatures,
@@ -120,7 +120,7 @@ impl TwoNode {
         ambient: Celsius,
         duration: Second,
     ) -> Temperatures {
-        // Deviations from the final state, which decay as two modes.
+        // Deviations from the final state: each is a sum of two decaying modes.
         let pad_end = power.0 * self.pad_to_ambient.0;
         let copper_end = pad_end + power.0 * self.copper_to_pad.0;
         let copper = (start.copper - ambient).0 - copper_end;
@@ -128,7 +128,8 @@ impl TwoNode {
         let [a, b, c] = self.rates;
         let [fast, slow] = self.modes;
         // exp(M t) - 1 = slow_gone + blend (M + slow), M = [[-a, a], [b, -(b + c)]] (Sylvester's
-        // formula): the change itself, so that rounding does not add up over many short steps.
+        // formula). The change itself is computed, so that rounding does not add up over many short
+        // steps.
         let slow_gone = math::exp_m1(-slow * duration.0);
         let blend = (slow_gone - math::exp_m1(-fast * duration.0)) / (fast - slow);
         let copper_rate = a * (pad - copper) + slow * copper;
@@ -141,12 +142,12 @@ impl TwoNode {
 
     /// Upper bound of the temperatures at the end of a planned pulse of `current`: the heat is
     /// computed with the resistance at the higher of the copper's initial and final temperatures.
-    /// For pulses that are short against the pad's cooling, so that the copper is hottest at the
-    /// start or at the end.
+    /// It is valid for pulses that are short compared with the pad's cooling, so that the copper is
+    /// hottest at the start or at the end.
     ///
-    /// Too high by at most 0.4 % of the current's heating, for every kelvin between the lowest and
-    /// the highest temperature involved. `None` if the copper does not stay below `limit`, or would
-    /// run away.
+    /// The bound is too high by at most 0.4 % of the current's heating for every kelvin between the
+    /// lowest and the highest temperature involved. `None` if the copper does not stay below
+    /// `limit`, or if its temperature would run away.
     ///
     /// ```
     /// use palpate_model::thermal::{Copper, Temperatures, TwoNode};
@@ -174,17 +175,17 @@ impl TwoNode {
         duration: Second,
         limit: Celsius,
     ) -> Option<Temperatures> {
-        /// Each step multiplies the remaining difference by the loop's gain, 0.4 % per kelvin of
-        /// the pulse's rise: below 100 K, 12 steps leave 2e-5 of it, less than the excess of the
-        /// bound.
+        /// Number of steps of the fixed-point iteration. Each step multiplies the remaining
+        /// difference by the gain of the loop, 0.4 % per kelvin of the pulse's temperature rise:
+        /// below 100 K, 12 steps leave 2e-5 of it, less than the bound's excess.
         const STEPS: u8 = 12;
-        // The end temperature grows with the heat and the heat with the end temperature: from
-        // below, the steps rise towards their fixed point.
+        // The end temperature grows with the heat, and the heat with the end temperature: starting
+        // from below, the steps rise towards their fixed point.
         let mut hottest = start.copper;
         let mut end = start;
         for _ in 0..STEPS {
             end = self.after(start, copper.heat(current, hottest), ambient, duration);
-            // Negated, so that NaN fails.
+            // Negated, so that NaN fails too.
             if !(end.copper <= limit) {
                 return None;
             }
@@ -195,7 +196,8 @@ impl TwoNode {
         Some(end)
     }
 
-    /// Heat capacity of the copper: the first instants of a pulse raise it by P/C_c.
+    /// Heat capacity C_c of the copper: at the start of a pulse its temperature rises at the rate
+    /// P/C_c.
     pub const fn copper_capacity(&self) -> JoulePerKelvin {
         self.copper_capacity
     }

@@ -1,7 +1,7 @@
-//! Adds the calibration's uncertainty to that of the noise.
+//! Adds the calibration's uncertainty to the uncertainty due to noise.
 //!
-//! A ramp measures the whole compliance at the reference state, T = 1/c_L + 1/c_S + 1/c_D0, in
-//! units of the change of 1/c_D that the current caused; the load is the remainder,
+//! A ramp measures the total compliance at the reference state, T = 1/c_L + 1/c_S + 1/c_D0, in
+//! units of the change of 1/c_D that the current caused; the load's compliance is what remains,
 //! 1/c_L = T - 1/c_S - 1/c_D0. With kappa = c_S/c_L, g = c_S/c_D0 and W = 1 + kappa + g, an error
 //! of a calibrated quantity changes kappa by
 //!
@@ -14,14 +14,15 @@
 //! | current read too high by e | W e n / (1 + rho), n = d ln rho/d ln I |
 //! | deformation read too high by o at all points | W o/x |
 //!
-//! with rho and n at the peak of the ramp, since its ends determine the slope. In terms of c_L:
-//! relative error of c_L = (relative error of the ratio) / w_L, with w_L = kappa/W the load's share
-//! of the compliance. With three equal springs an eps that is 5 % too high makes c_L 13 % too low.
-//! So the noise's interval alone is not a claim.
+//! where rho and n are those at the peak of the ramp, since the ramp's ends determine the slope.
+//! For c_L this means: relative error of c_L = (relative error of the ratio) / w_L, where w_L =
+//! kappa/W is the load's fraction of the compliance. With three equal springs, an eps that is 5 %
+//! too high makes c_L 13 % too low. So the interval due to noise alone must not be stated as the
+//! result's interval.
 //!
-//! The formulas are of first order in e, in kappa and not in c_L, where first order is good; they
-//! are within 3 % of a ramp evaluated with a wrong calibration at a stiffening of 10 %
-//! (`tests/integration/uncertainty.rs`).
+//! The formulas are of first order in e, and are stated for kappa rather than c_L because first
+//! order is a good approximation for kappa. At a stiffening of 10 % they are within 3 % of a ramp
+//! evaluated with a wrong calibration (`tests/integration/uncertainty.rs`).
 
 pub use crate::coverage::coverage_factor;
 use crate::math::hypot;
@@ -33,18 +34,19 @@ use crate::units::Metre;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration {
-    /// Uncertainty of the force scale common to c_S and c_D0 (the rig's load cell), relative.
+    /// Relative uncertainty of the force scale, which c_S and c_D0 have in common (the rig's load
+    /// cell).
     pub force_scale: f32,
-    /// Uncertainty of c_S, relative, without the force scale.
+    /// Relative uncertainty of c_S, without that of the force scale.
     pub sensing: f32,
-    /// Uncertainty of c_D0, relative, without the force scale.
+    /// Relative uncertainty of c_D0, without that of the force scale.
     pub actuated: f32,
-    /// Uncertainty of the stiffening eps, relative.
+    /// Relative uncertainty of the stiffening eps.
     pub stiffening: f32,
-    /// Uncertainty of the current since the stiffening was calibrated, relative. A gain error that
-    /// was the same then is already contained in eps.
+    /// Relative uncertainty of how much the gain of the current has changed since the stiffening
+    /// was calibrated. A gain error that was the same at that time is already contained in eps.
     pub current: f32,
-    /// Uncertainty of the zero of the deformation.
+    /// Uncertainty of the deformation's zero.
     pub zero: Metre,
 }
 
@@ -83,7 +85,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Contribution of the springs, including the force scale.
+    /// Contribution of the springs c_S and c_D0, including that of the force scale.
     pub fn springs(&self) -> f32 {
         hypot(hypot(self.force_scale, self.sensing), self.actuated)
     }
@@ -118,8 +120,8 @@ impl Calibration {
         }
     }
 
-    /// Widens a ramp's result by the calibration's uncertainty: standard error and both half-widths
-    /// of the interval, each as root of the sum of squares.
+    /// Widens a ramp's result by the calibration's uncertainty, which is added to the standard
+    /// error and to both half-widths of the interval, each as the root of the sum of squares.
     ///
     /// ```
     /// use palpate_model::ramp::LoadRatio;

@@ -1,6 +1,6 @@
 //! Quantities as newtypes over `f32` in SI units, for the boundaries of the model.
 //!
-//! Formulas use the plain number (`.0`), boundaries the quantity, so that a stiffness cannot be
+//! Formulas use the plain number (`.0`), interfaces the quantity, so that a stiffness cannot be
 //! mistaken for a length. There is no general dimensional analysis; only the products that the
 //! model's formulas need are defined.
 //!
@@ -14,7 +14,7 @@
 use core::fmt;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Requirement of a checked constructor on its number.
+/// Requirement that a checked constructor makes on its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Requirement {
@@ -139,7 +139,7 @@ macro_rules! quantity {
     };
 }
 
-/// Implements sums, multiples and ratios for a quantity with a natural zero.
+/// Implements sums, multiples and ratios for a quantity whose zero is not arbitrary.
 macro_rules! ratio_scale {
     ($($name:ident),+) => {$(
         impl Add for $name {

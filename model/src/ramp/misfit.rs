@@ -1,14 +1,15 @@
-//! Test for a bend of a train's fitted line, which the calibrated stiffening makes straight.
+//! Test for a bend of the line fitted to a train of ramps. With the right stiffening the line would
+//! be straight.
 
 use super::{Coefficient, Fit, Term};
 use crate::math::sqrt;
 
-/// The bend of a fitted line, as the relative change of its slope from the middle to an end of the
+/// The bend of a fitted line: the relative change of its slope from the middle to an end of the
 /// ramp.
 ///
-/// Over all falls together a straight line 1 + alpha + beta h is fitted, and a second line with
-/// gamma h^2. The bend is b = gamma H/beta, with H the whole span of the regressor. The cause of
-/// the bend also falsifies slope and load ratio of the straight line:
+/// Over all falls of a train together, a straight line 1 + alpha + beta h is fitted, and a second
+/// line with the term gamma h^2. The bend is b = gamma H/beta, with H the whole span of the
+/// regressor. The cause of a bend also falsifies the slope and the load ratio of the straight line:
 ///
 /// | effect that the calibration omits | error of the slope, in units of b |
 /// |---|---|
@@ -16,25 +17,26 @@ use crate::math::sqrt;
 /// | play (memory) of 1 to 30 % | 0.2 to 0.3 |
 /// | saturation of the stiffening, with the right rise at the peak | 0 to 0.1 |
 ///
-/// An error with the signal's own shape does not bend the line and is not detected: an error of the
-/// rise at the peak, and creep that is over when the train starts.
+/// An error with the shape of the signal itself does not bend the line and is not detected: an
+/// error of the rise at the peak, or creep that is over when the train starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Bend {
-    /// b with its standard error.
+    /// The bend b and its standard error.
     pub relative: Coefficient,
 }
 
-/// Relative standard uncertainty of the slope, in units of the bend: twice this value is above all
-/// entries of the table of [`Bend`].
+/// Relative standard uncertainty of the slope, in units of the bend b: twice this value is above
+/// all entries of the table of [`Bend`].
 pub const SLOPE_BY_BEND: f32 = 0.4;
 
-/// Number of its standard errors above which a bend is significant.
+/// A bend is significant if it is larger than this many of its standard errors.
 const SIGNIFICANT: f32 = 3.0;
 
 impl Bend {
-    /// The bend of `bent`, which has a quadratic term, over the `span` of the regressor. `None`
-    /// without such a term, or without a slope.
+    /// Computes the bend from the straight line, from the line `bent` with a quadratic term, and
+    /// from the `span` of the regressor. `None` if `bent` has no such term, or the straight line no
+    /// slope.
     pub fn of(straight: &Fit, bent: &Fit, span: f32) -> Option<Self> {
         let slope = straight.coefficient(1)?.value;
         let terms = bent.basis().terms();
@@ -47,20 +49,21 @@ impl Bend {
         relative.value.is_finite().then_some(Self { relative })
     }
 
-    /// Standard uncertainty of kappa = c_S/c_L due to the bend, if the noise is larger than the fit
-    /// states by the factor `scatter`. `whole` is W = 1 + kappa + g. The mean contribution of noise
-    /// to the square of the bend is subtracted.
+    /// Standard uncertainty of kappa = c_S/c_L due to the bend. `scatter` is the factor by which
+    /// the noise is larger than the fit states, `whole` is W = 1 + kappa + g. What noise
+    /// contributes to the square of the bend in the mean is subtracted.
     pub fn uncertainty(&self, whole: f32, scatter: f32) -> f32 {
         self.beyond(scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Standard uncertainty of kappa due to the significant part of the bend, on which a refusal
-    /// may be based.
+    /// Standard uncertainty of kappa due to that part of the bend which is significant, so that a
+    /// refusal may be based on it.
     pub fn significant_uncertainty(&self, whole: f32, scatter: f32) -> f32 {
         self.beyond(SIGNIFICANT * scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Magnitude of the bend after subtracting this many of its standard errors, as variances.
+    /// Magnitude of the bend: root of its square less the square of this many of its standard
+    /// errors.
     fn beyond(&self, standard_errors: f32) -> f32 {
         let Coefficient {
             value,

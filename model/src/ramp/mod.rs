@@ -2,34 +2,34 @@
 //!
 //! # Model
 //!
-//! Three springs in series keep x (1 + kappa + g) = x_0 (see [`springs`](crate::springs)), so the
-//! reciprocal of the deformation is linear in the regressor g = c_S/c_D(I), and a
-//! disturbance x -> x (1 + d phi(t)) adds a column:
+//! Three springs in series keep x (1 + kappa + g) = x_0 (see [`springs`](crate::springs)). So the
+//! reciprocal of the deformation is linear in the regressor g = c_S/c_D(I), and a disturbance x ->
+//! x (1 + d phi(t)) adds a column:
 //!
 //! x_ref/x (1 + d phi) = 1 + alpha + beta h, with h = g - g_ref.
 //!
 //! Then kappa = (1 + alpha)/beta - (1 + g_ref) and c_L = c_S/kappa; x_ref and g_ref are any
-//! constants near the data. Multiplied by x, the equation has no reciprocal and is solved in this
+//! constants near the data. Multiplied by x, the equation has no reciprocal. It is solved in this
 //! form, with u = x - x_ref:
 //!
 //! -u = alpha x + beta h x - d phi x_ref + noise, weight 1/var = (x / (x_ref sigma))^2,
 //!
 //! which is the fit of 1/x on g with weights x^4/sigma^2, exact for a drift of any size; for two
-//! samples it is eq. (2). The noise in the columns causes a bias in second order only, 3
-//! (sigma/x)^2 of alpha + 1 and of beta alike, which cancels in their ratio. The weights omit 1 + d
+//! samples it is eq. (2). The noise in the columns causes a bias of second order only: it is 3
+//! (sigma/x)^2 both of alpha + 1 and of beta, which cancels in their ratio. The weights omit 1 + d
 //! phi, so stated standard errors are off by the fraction d phi.
 //!
 //! A non-linear load bends the line: [`Term::Quadratic`] and [`Term::Cubic`] fit the bend, and
-//! tangent stiffness and load curve come from the bent line. The stiffness is always that of the
-//! tangent; the ramp does not contain the displacement from the load's first touch to its state on
-//! the ramp.
+//! tangent stiffness and load curve are computed from the bent line. The stiffness is always that
+//! of the tangent; the ramp does not contain the displacement from the load's first touch to its
+//! state on the ramp.
 //!
 //! # Design of the ramp
 //!
-//! Standard error of c_L for 400 samples of 1e-4 noise, a stiffening of 3 %, three equal springs:
-//! 0.51 % with no drift term; 2.1 % with a linear one; 3.2 % with a logarithmic one; but 0.51 %
-//! with the logarithmic term if the samples cover eight short falling ramps. Use many short ramps,
-//! and push them all into one [`Ramp`].
+//! Standard error of c_L for 400 samples with relative noise of 1e-4, a stiffening of 3 % and three
+//! equal springs: 0.51 % with no drift term; 2.1 % with a linear one; 3.2 % with a logarithmic one;
+//! but 0.51 % with the logarithmic term if the samples cover eight short falling ramps. Use many
+//! short ramps, and push them all into one [`Ramp`].
 //!
 //! # Example
 //!
@@ -87,10 +87,10 @@ use moments::{Dependent, Moments, Row};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RampSample {
-    /// Time from the drifts' origin to the middle of the reading's window.
+    /// Time from the origin of the drift terms to the middle of the reading's window.
     pub time: Second,
-    /// Deviation u = x - x_ref. If x is available as a whole `f32`, u = x - x_ref is exact within a
-    /// factor of two of x_ref (Sterbenz).
+    /// Deviation u = x - x_ref. If x is available as an `f32`, the subtraction x - x_ref is exact
+    /// for x within a factor of two of x_ref (Sterbenz).
     pub deformation: Metre,
     /// Deviation h = g - g_ref, from the current averaged over the reading's window.
     pub regressor: f32,
@@ -100,11 +100,12 @@ pub struct RampSample {
 }
 
 impl RampSample {
-    /// Adds the regressor's noise to sigma: at most x sigma_g / (1 + g) of deformation, the effect
-    /// with a rigid load; with a softer load less, by 1/(1 + kappa/(1 + g)).
+    /// Adds the regressor's noise to sigma: it is at most a deformation of x sigma_g / (1 + g), the
+    /// effect with a rigid load; with a softer load it is less, by the factor 1/(1 + kappa/(1 +
+    /// g)).
     ///
-    /// Noise of the regressor also flattens the line: c_L is too low by the fraction
-    /// (1 + kappa + g)/kappa times var(noise of g)/var(g over the ramp).
+    /// Noise of the regressor also flattens the line: c_L is too low by the fraction (1 + kappa +
+    /// g)/kappa times the ratio of the variances of g, by noise and over the ramp.
     #[must_use]
     pub fn with_regressor_sigma(self, reference: &Reference, sigma: f32) -> Self {
         let deformation = reference.deformation + self.deformation;
@@ -116,8 +117,8 @@ impl RampSample {
         }
     }
 
-    /// Force and displacement of the load from this one sample, including drifts: F = c_S x, and
-    /// the displacement x_0 - x (1 + g) counted from the reference state.
+    /// Force and displacement of the load from this one sample, with drifts included: F = c_S x,
+    /// and the displacement x_0 - x (1 + g), counted from the reference state.
     pub fn load_point(&self, reference: &Reference, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let deformation = reference.deformation + self.deformation;
         let at_rest = 1.0 + reference.regressor;
@@ -132,7 +133,7 @@ impl RampSample {
     }
 }
 
-/// Running sums of one measurement: any number of samples in 0.7 kB.
+/// Running sums of one measurement: they take 0.7 kB for any number of samples.
 ///
 /// See the [module](self) for the model and an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,13 +141,13 @@ impl RampSample {
 pub struct Ramp {
     basis: Basis,
     reference: Reference,
-    /// Sigma of the first sample, to which the other sigmas are related.
+    /// Sigma of the first sample; the weights of all samples are relative to it.
     sigma: Option<Metre>,
     moments: Moments,
 }
 
 impl Ramp {
-    /// Creates empty sums.
+    /// Creates sums without samples.
     pub const fn new(reference: Reference, basis: Basis) -> Self {
         Self {
             basis,
@@ -191,9 +192,9 @@ impl Ramp {
         if x.0 <= 0.0 {
             return Err(Rejected::Unpressed);
         }
-        // Square root of the weight, in units of the first sample's.
+        // Square root of the sample's weight, relative to the first sample's.
         let weight = x / x_ref * (first / sample.sigma);
-        // Negated, so that NaN, from zero over zero, is rejected.
+        // Negated, so that NaN (zero divided by zero) is rejected too.
         if !(weight > 0.0 && weight.is_finite()) {
             return Err(Rejected::Sigma);
         }
@@ -217,8 +218,9 @@ impl Ramp {
         Ok(())
     }
 
-    /// The sums of the samples taken since `earlier`, a copy of these sums: one run of sums serves
-    /// a train of ramps and each single ramp. `None` if `earlier` is not such a copy.
+    /// The sums of the samples added since `earlier`, a copy of these sums: so one set of running
+    /// sums serves both a train of ramps and each single ramp. `None` if `earlier` is not such a
+    /// copy.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample};
@@ -250,15 +252,15 @@ impl Ramp {
         })
     }
 
-    /// Solves for the load and the drifts. The sums are kept, so a ramp can be evaluated while it
-    /// is running.
+    /// Solves for the load and the drifts. The sums are kept, so a ramp can be evaluated while
+    /// samples are still being added.
     pub fn fit(&self, noise: Noise) -> Result<Fit, RampRefusal> {
         self.solve(&self.basis, noise)
     }
 
-    /// Solves for the first `count` unknowns only, bit for bit as if the samples had been pushed to
-    /// these alone: one run of sums serves a simple evaluation and one with further terms. `None`
-    /// if there are not as many unknowns.
+    /// Solves for the first `count` unknowns only. The result is bit for bit as if the samples had
+    /// been pushed to sums of only these unknowns: so one set of running sums serves both a simple
+    /// evaluation and one with further terms. `None` if there are fewer unknowns.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample, Term};
@@ -299,7 +301,7 @@ impl Ramp {
         let sigma = Wide::from_f32(self.sigma.unwrap_or_default().0);
         let stated = sigma * sigma;
         let chi_square = (solution.residual / stated).to_f32().max(0.0);
-        // Chi-square per degree of freedom, the factor of the stated variances.
+        // Chi-square per degree of freedom, by which the stated variances are multiplied.
         let factor = match noise {
             Noise::Stated => 1.0,
             Noise::Larger if degrees == 0 => 1.0,
@@ -325,8 +327,8 @@ impl Ramp {
         )
     }
 
-    /// Standard deviation of the samples' residuals as a length at x_ref; `None` if the sums cannot
-    /// be solved with a sample left over.
+    /// Standard deviation of the samples' residuals, as a length at x_ref. `None` if the sums
+    /// cannot be solved, or if there are no more samples than unknowns.
     pub fn residual_sigma(&self) -> Option<Metre> {
         let count = self.basis.terms().len();
         let degrees = self

@@ -1,23 +1,23 @@
 //! Running sums of a weighted least-squares fit, and their solution.
 //!
-//! **Why wide numbers.** At a stiffening of 0.5 % and a load ten times as stiff as the sensor the
-//! result depends on the seventh digit of a slope, and normal equations square the condition
-//! number, which drifts increase. Sums of `f32`, even centred (Welford), are off by 3e-5 of c_L
-//! there, and by 2e-3 with a creep term (`examples/precision.rs`); compensation does not repair the
-//! rounding of the products. So rows are formed, multiplied and summed as [`Wide`] integers of 62
-//! bits: the sums are exact for the given inputs, however long the ramp, and on a processor without
-//! a floating-point unit they cost no more than `f32` sums with compensation. Centring then needs
-//! no special care: it is the first elimination step. The `f32` rounding of the inputs and of the
-//! result remains.
+//! **Why wide numbers.** At a stiffening of 0.5 % and with a load ten times as stiff as the sensor,
+//! the result depends on the seventh digit of a slope. Normal equations square the condition
+//! number, which drift terms increase further. Sums of `f32`, even centred (Welford), are off by
+//! 3e-5 of c_L there, and by 2e-3 with a creep term (`examples/precision.rs`); compensated
+//! summation does not repair the rounding of the products. So rows are formed, multiplied and
+//! summed as [`Wide`] integers of 62 bits: the sums are exact for the given inputs, however long
+//! the ramp, and on a processor without a floating-point unit they cost no more than `f32` sums
+//! with compensation. Centring then needs no special care: it is the first elimination step. Only
+//! the `f32` rounding of the inputs and of the result remains.
 
 use super::MOST_TERMS;
 use crate::math::Wide;
 
-/// One number per unknown; those of missing unknowns are zero.
+/// One number for each possible unknown; those that the basis does not have are zero.
 pub(super) type Row<T> = [T; MOST_TERMS];
 
-/// Upper triangle of the weighted cross products of the columns, and the cross products with the
-/// response.
+/// Upper triangle of the weighted cross products of the columns with each other, and their cross
+/// products with the response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) struct Moments {
@@ -27,39 +27,40 @@ pub(super) struct Moments {
     rows: u32,
 }
 
-/// The solved equations.
+/// The solution of the normal equations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solution {
-    /// Coefficients.
+    /// Coefficients of the unknowns.
     pub(super) theta: Row<Wide>,
-    /// Inverse of the cross products: covariance of `theta` at unit variance of a row.
+    /// Inverse of the matrix of cross products: the covariance of `theta` if a row has unit
+    /// variance.
     pub(super) inverse: Row<Row<Wide>>,
     /// Sum of the squared residuals.
     pub(super) residual: Wide,
-    /// Mean of the slope's column divided by that of the level.
+    /// Mean of the slope's column divided by the mean of the level's column.
     pub(super) centre: f32,
 }
 
-/// Error: the column with this index depends too closely on the columns before it.
+/// Error: the column with this index is nearly a linear combination of the columns before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dependent(pub(super) usize);
 
-/// Index of the level's column, which centres all others.
+/// Index of the level's column: its elimination centres all other columns.
 const LEVEL: usize = 0;
 /// Index of the slope's column.
 const SLOPE: usize = 1;
 
-/// Smallest part of a column's sum of squares that must remain after centring.
+/// Smallest fraction of a column's sum of squares that must remain after centring.
 ///
-/// `f32` inputs resolve 6e-8 of a column, so 1e-10 of its square is a spread of 1e-5, known to 0.6
-/// %: with less there is no usable regressor.
+/// `f32` inputs resolve 6e-8 of a column. A remainder of 1e-10 of its square is a spread of 1e-5,
+/// known to 0.6 %: with less there is no usable regressor.
 const CENTRED_MIN: f32 = 1e-10;
 
-/// Smallest part of a centred column's sum of squares that must remain after the elimination of the
-/// others: the inverse of the largest variance inflation.
+/// Smallest fraction of a centred column's sum of squares that must remain after the elimination of
+/// the other columns: the inverse of the largest variance inflation.
 ///
-/// At one millionth the standard errors are a thousand times those of the column alone, far beyond
-/// use, and the sums still carry seven digits of the remainder.
+/// At one millionth the standard errors are a thousand times those of a fit with that column alone,
+/// far too large to be used, and the sums still contain seven digits of the remainder.
 const TOLERANCE_MIN: f32 = 1e-6;
 
 impl Moments {
@@ -74,7 +75,7 @@ impl Moments {
         self.rows
     }
 
-    /// Adds one row, already multiplied by the square root of its weight.
+    /// Adds one row, which the caller has multiplied by the square root of its weight.
     pub(super) fn add(&mut self, row: &[Wide], response: Wide) {
         let sums = self.products.iter_mut().zip(&mut self.with_response);
         for (i, (&a, (products, with_response))) in row.iter().zip(sums).enumerate() {
@@ -87,8 +88,8 @@ impl Moments {
         self.rows = self.rows.saturating_add(1);
     }
 
-    /// The sums of the rows added since `earlier`: exact except for the rounding of the sums
-    /// themselves, 2^-60 of the longer ones.
+    /// The sums of the rows added since `earlier`. They are exact except for the rounding of the
+    /// sums themselves, 2^-60 of those of all rows.
     pub(super) fn since(&self, earlier: &Self) -> Self {
         let mut since = *self;
         let rows = since.products.iter_mut().zip(&earlier.products);
@@ -104,9 +105,9 @@ impl Moments {
     }
 
     /// Solves for the first `count` columns by sweeping them one after another (Goodnight, *A
-    /// tutorial on the SWEEP operator*, The American Statistician 33, 1979): first the level, which
-    /// centres; then disturbances and curvature; last the slope, so that its pivot is the part of
-    /// it that the others do not explain.
+    /// tutorial on the SWEEP operator*, The American Statistician 33, 1979). The level is first,
+    /// which centres the others; then come disturbances and curvature. The slope is last, so that
+    /// its pivot is the part of the slope's column that the others do not explain.
     pub(super) fn solve(&self, count: usize) -> Result<Solution, Dependent> {
         let mut sweep = Sweep {
             count,
@@ -122,7 +123,7 @@ impl Moments {
         for k in order {
             let pivot = sweep.pivot(k);
             let (&before, &alone) = raw.get(k).zip(centred.get(k)).ok_or(Dependent(k))?;
-            // Written so that NaN fails too.
+            // Written so that NaN fails the test too.
             let sound = pivot >= TOLERANCE_MIN * alone && alone > CENTRED_MIN * before;
             if !sound || !pivot.is_finite() {
                 return Err(Dependent(k));
@@ -146,8 +147,8 @@ impl Moments {
     }
 }
 
-/// Cross products during the Gauss-Jordan elimination in place: swept columns already contain the
-/// inverse, the others their remainder.
+/// Cross products during the Gauss-Jordan elimination in place: swept columns contain the inverse,
+/// all others what remains of them.
 struct Sweep {
     count: usize,
     rows: Row<Row<Wide>>,
@@ -192,7 +193,7 @@ impl Sweep {
     }
 }
 
-/// The first `count` columns, with zeros in the others.
+/// The first `count` entries of a row; all others are zero.
 fn first(row: &Row<Wide>, count: usize) -> Row<Wide> {
     core::array::from_fn(|i| match row.get(i) {
         Some(&entry) if i < count => entry,
@@ -200,8 +201,8 @@ fn first(row: &Row<Wide>, count: usize) -> Row<Wide> {
     })
 }
 
-/// The full symmetric matrix of the first rows and columns from their upper triangle, with zeros in
-/// the others.
+/// The full symmetric matrix of the first `count` rows and columns, from its upper triangle; all
+/// other entries are zero.
 fn symmetric(upper: &Row<Row<Wide>>, count: usize) -> Row<Row<Wide>> {
     core::array::from_fn(|i| {
         core::array::from_fn(|j| {

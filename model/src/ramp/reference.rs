@@ -1,11 +1,11 @@
-//! Reference point of a ramp's deviations.
+//! Reference point from which a ramp's deviations are counted.
 
 use crate::units::{Metre, OutOfRange, Requirement};
 
 /// The point from which the samples' deviations are counted, stored exactly.
 ///
-/// Any state near the ramp will do, preferably its first sample. The reference itself costs no
-/// accuracy; deviations do if they are rounded to `f32` far from it.
+/// Any state near the ramp is suitable, preferably its first sample. The reference itself costs no
+/// accuracy; but deviations that are far from it lose accuracy when they are rounded to `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reference {

@@ -2,16 +2,16 @@
 
 use core::fmt;
 
-/// Reason why a sample was not added to the sums, which stay unchanged.
+/// Reason why a sample was not added to the sums. The sums are unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rejected {
-    /// A number is infinite or NaN.
+    /// A value of the sample is infinite or NaN.
     NotFinite,
     /// The deformation is not above zero: no object presses on the sensor.
     Unpressed,
-    /// Sigma is not above zero, or its weight is outside the range of `f32`.
+    /// Sigma is not above zero, or the sample's weight is outside the range of `f32`.
     Sigma,
 }
 
@@ -32,35 +32,35 @@ impl core::error::Error for Rejected {}
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RampRefusal {
-    /// Fewer samples than unknowns, or no sample left over to estimate the noise.
+    /// Fewer samples than unknowns, or too few to estimate the noise as well.
     TooFewSamples {
-        /// Samples taken.
+        /// Number of samples taken.
         have: u32,
-        /// Samples needed.
+        /// Number of samples needed.
         need: u32,
     },
     /// A term cannot be distinguished from the terms before it: the current did not change, or a
-    /// drift has the shape of the signal.
+    /// drift term has the shape of the signal.
     IllConditioned {
         /// Index of the term in the basis.
         term: usize,
     },
-    /// The result left the range of `f32`.
+    /// The result is outside the range of `f32`.
     NotFinite,
-    /// The deformation does not clearly follow the regressor, so that no stiffness from zero to
-    /// infinity is excluded.
+    /// The deformation does not clearly follow the regressor: no stiffness from zero to infinity
+    /// can be excluded.
     SignalTooSmall {
-        /// Slope over its standard error.
+        /// Slope divided by its standard error.
         significance: f32,
     },
     /// The deformation follows the regressor with the wrong sign: when the actuated layer softens,
-    /// the sensing layer deforms more. Caused by cross-talk, or by the sign of a calibration.
+    /// the sensing layer deforms more. The cause is cross-talk or a wrong sign in a calibration.
     SignalReversed {
-        /// Slope over its standard error.
+        /// Slope divided by its standard error.
         significance: f32,
     },
-    /// The whole interval is negative: caused by drift without a term in the basis, or by a wrong
-    /// calibration.
+    /// The whole interval of c_S/c_L is negative: the cause is a drift for which the basis has no
+    /// term, or a wrong calibration.
     NegativeStiffness {
         /// Upper end of the interval of c_S/c_L, below zero.
         highest_load_ratio: f32,

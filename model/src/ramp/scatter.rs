@@ -2,10 +2,11 @@
 
 use crate::math::sqrt;
 
-/// Running weighted mean of estimates with standard errors, and their scatter about it.
+/// Running weighted mean of estimates with standard errors, and the scatter of the estimates about
+/// it.
 ///
-/// One fit over a train of ramps takes its standard error from white noise. A disturbance slower
-/// than a sample and faster than the train - vibration, a regressor that omits the creep - shifts
+/// One fit over a train of ramps derives its standard error from white noise. A disturbance slower
+/// than a sample and faster than the train - vibration, or creep that the regressor omits - shifts
 /// the estimate of every single ramp, and the scatter of these estimates shows it. So fit each ramp
 /// separately as well ([`Basis::LINEAR`](super::Basis::LINEAR) is enough) and add its kappa here.
 ///
@@ -26,7 +27,8 @@ pub struct Scatter {
     weight: f32,
     mean: f32,
     chi_square: f32,
-    /// Sum of the squared differences between successive estimates, each over its variance.
+    /// Sum of the squared differences between successive estimates, each divided by the variance of
+    /// the difference.
     successive: f32,
     /// The last estimate with its variance.
     last: Option<(f32, f32)>,
@@ -34,14 +36,16 @@ pub struct Scatter {
 }
 
 impl Scatter {
-    /// Adds an estimate; ignores one without a finite value or a positive error.
+    /// Adds an estimate. An estimate that is not finite, or whose error is not positive, is
+    /// ignored.
     pub fn add(&mut self, value: f32, standard_error: f32) {
         let variance = standard_error * standard_error;
         let weight = 1.0 / variance;
         if !(value.is_finite() && weight.is_finite() && weight > 0.0) {
             return;
         }
-        // West's updating formulas (Comm. ACM 22, 1979): about the mean, so no digits cancel.
+        // West's updating formulas (Comm. ACM 22, 1979): deviations are from the mean, so no digits
+        // cancel.
         let total = self.weight + weight;
         let deviation = value - self.mean;
         self.chi_square += deviation * deviation * weight * (self.weight / total);
@@ -60,13 +64,13 @@ impl Scatter {
         self.count
     }
 
-    /// Weighted mean; zero without an estimate.
+    /// Weighted mean of the estimates; zero without an estimate.
     pub const fn mean(&self) -> f32 {
         self.mean
     }
 
-    /// Sum of squared deviations from the mean divided by the squared errors; the expected value is
-    /// count - 1.
+    /// Sum of the squared deviations from the mean, each divided by its squared standard error; the
+    /// expected value is count - 1.
     pub const fn chi_square(&self) -> f32 {
         self.chi_square
     }
@@ -82,9 +86,10 @@ impl Scatter {
     ///
     /// A slow disturbance, such as a vibration near the rate of the ramps, does not average out
     /// like noise. The correlation r of successive estimates follows from their differences (von
-    /// Neumann, Ann. Math. Stat. 12, 1941, p. 367): 1 - r is their mean square over that of the
-    /// deviations, and the variance of the mean is (1 + r)/(1 - r) times as large. The contribution
-    /// of noise, 1/count, is subtracted from r^2. The mean is never worse than one estimate.
+    /// Neumann, Ann. Math. Stat. 12, 1941, p. 367): 1 - r is the sum of the squared differences
+    /// divided by that of the squared deviations from the mean, each in units of its own variance.
+    /// The variance of the mean is (1 + r)/(1 - r) times as large. What noise contributes to r^2,
+    /// 1/count, is subtracted. The error of the mean is limited to that of one estimate.
     pub fn of_mean(&self) -> Option<f32> {
         let birge_ratio = self.birge_ratio()?;
         let count = self.count as f32;

@@ -2,8 +2,8 @@
 
 use crate::common::pipeline::{Bits, run};
 
-/// Bits of `crate::common::pipeline`. A change of any formula changes them; a change of compiler,
-/// optimisation or machine must not.
+/// Bits of the results of `crate::common::pipeline`. A change of any formula changes them; a change
+/// of compiler, optimisation or machine must not.
 #[rustfmt::skip]
 const EXPECTED: Bits = [
     0x3FC7_985F, 0x3A92_8662, 0x3FC7_5065, 0x3FC7_E06D, 0x40BE_0ACC, 0x3F49_CEA5,

@@ -3,7 +3,7 @@
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
 use proptest::prelude::*;
 
-/// Points with random steps over nine decades in both directions, rising or falling.
+/// Points whose random steps span nine decades in argument and value; the values rise or fall.
 fn points() -> impl Strategy<Value = Vec<(f32, f32)>> {
     let step = (-6i32..3, 1.0f32..10.0).prop_map(|(decade, digit)| digit * 10f32.powi(decade));
     let steps = prop::collection::vec((step.clone(), step), 2..15);
@@ -13,7 +13,7 @@ fn points() -> impl Strategy<Value = Vec<(f32, f32)>> {
         for (dx, dy) in steps {
             let (x, y) = points[points.len() - 1];
             let next = (x + dx, if rising { y + dy } else { y - dy });
-            // A step below the last digit would not give a new point.
+            // A step below the last digit of the number would not give a new point.
             if next.0 > x && next.1 != y {
                 points.push(next);
             }
@@ -23,7 +23,7 @@ fn points() -> impl Strategy<Value = Vec<(f32, f32)>> {
     points.prop_filter("at least three points", |points| points.len() >= 3)
 }
 
-/// All arguments that matter: between two points, evenly and next to the ends.
+/// Arguments to test between two points: evenly spaced, and next to the ends.
 fn arguments(a: f32, b: f32) -> Vec<f32> {
     let between = |i: i32| a + (b - a) * (i as f32 / 200.0);
     let mut all: Vec<f32> = (0..=200).map(between).collect();
@@ -79,7 +79,8 @@ proptest! {
     fn refuses_points_that_turn_back(points in points(), at in 0usize..14, back in 0f32..2.0) {
         let at = 1 + at % (points.len() - 2);
         let mut bent = points.clone();
-        // A value beyond the previous point: reversed, or level if `back` is zero.
+        // A value that reverses the direction of the previous ones, or equals the previous one if
+        // `back` is zero.
         let (_, before) = bent[at - 1];
         bent[at].1 = before - back * (bent[at].1 - before);
         let refused = MonotoneCurve::<16>::new(&bent);
@@ -87,7 +88,7 @@ proptest! {
     }
 }
 
-/// Slope by the published weights, in f64, for three given points.
+/// Slope at the middle of three points by the published weights, in f64.
 fn fritsch_butland(points: [(f64, f64); 3]) -> f64 {
     let [(x0, y0), (x1, y1), (x2, y2)] = points;
     let (h0, h1) = (x1 - x0, x2 - x1);
@@ -126,7 +127,7 @@ fn the_slope_is_the_derivative_and_carries_sigma() {
 
 #[test]
 fn follows_a_smooth_curve_with_the_third_power_of_the_spacing() {
-    // A coil's law, L/L0 - 1 against the closing of the gap, as an exponential: 9 points, then 17.
+    // The law of a coil, L/L0 - 1 as an exponential of the closing of the gap: 9 points, then 17.
     let error = |n: usize| {
         let law = |x: f64| 0.3 * (x.exp() - 1.0);
         let points: Vec<(f32, f32)> = (0..n)

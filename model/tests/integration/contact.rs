@@ -43,7 +43,7 @@ fn run_length(allowance: f64, threshold: f64, shift: f64) -> f64 {
         };
         at_most(way + width / 2.0) - below
     };
-    // (1 - Q) L = 1, eliminated from the top state down so that row 0 is left.
+    // Solves (1 - Q) L = 1, eliminating from the highest state down so that row 0 is left.
     let mut a: Vec<Vec<f64>> = (0..STATES)
         .map(|i| {
             (0..STATES)
@@ -67,7 +67,8 @@ fn run_length(allowance: f64, threshold: f64, shift: f64) -> f64 {
 
 #[test]
 fn the_markov_chain_gives_published_run_lengths() {
-    // Montgomery, Introduction to Statistical Quality Control, one-sided: k 0.5, h 4.
+    // Published for k 0.5 and h 4, one-sided: Montgomery, Introduction to Statistical Quality
+    // Control.
     for (shift, published) in [(0.0, 336.0), (0.5, 26.6), (1.0, 8.38)] {
         let exact = run_length(0.5, 4.0, shift);
         assert!((exact / published - 1.0).abs() < 0.01, "{shift}: {exact}");
@@ -102,7 +103,7 @@ fn the_formula_is_within_its_bounds_of_the_exact_run_length() {
         worst.0, worst.1
     );
     assert!(worst.0 <= 0.08);
-    // Large shifts: the approximation is within one sample.
+    // For large shifts, the approximation is within one sample.
     for shift in [3.0f32, 5.0, 10.0, 100.0] {
         let exact = run_length(1.0, 10.0, f64::from(shift));
         let formula = f64::from(Cusum::WATCH.average_run_length(shift));
@@ -127,7 +128,7 @@ fn watch(threshold: f32) -> Watch {
     }
 }
 
-/// A sensor at rest with noise, a steady drift and a press.
+/// A simulated sensor with noise, a steady drift and a press.
 struct World {
     rng: Rng,
     drift: f64,
@@ -161,7 +162,7 @@ fn false_alarms_come_as_rarely_as_stated() {
             let reading = world.reading(0.0);
             detector.push(Second(INTERVAL as f32), reading).touch
         };
-        // A detection while the baseline is still short does not count.
+        // A detection while the baseline's memory is still short does not count.
         match (0..LONGEST)
             .map(|_| next())
             .find(|touch| *touch != Touch::Settling)
@@ -185,8 +186,9 @@ fn false_alarms_come_as_rarely_as_stated() {
     assert!((9_000.0..12_000.0).contains(&length), "{length}");
 }
 
-/// Mean delay of detection and mean error of the onset, in readings, over `runs` presses that
-/// deepen by `speed` sigma per reading; the press starts at a random time between two readings.
+/// Mean delay of detection, and mean and root mean square error of the onset, in readings, over
+/// `runs` presses that deepen by `speed` sigma per reading. Each press starts at a random time
+/// between two readings.
 fn presses(speed: f64, runs: u64) -> (f64, f64, f64) {
     let (mut delay, mut late, mut squares) = (0.0, 0.0, 0.0);
     for seed in 0..runs {
@@ -241,7 +243,7 @@ fn touches_are_found_and_dated_as_stated() {
 
 #[test]
 fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
-    // The drift of a room that is heated by 2 K/min.
+    // The drift caused by a room that is heated by 2 K/min.
     let mut world = World::new(5, 6e-9);
     let mut detector = Detector::new(watch(10.0)).unwrap();
     let mut events = Vec::new();
@@ -253,7 +255,7 @@ fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
         };
         let seen = detector.push(Second(INTERVAL as f32), world.reading(pressed));
         if i == 3999 {
-            // Two seconds of that drift, which is not extrapolated into the touch.
+            // Two seconds of the drift, since the drift is not extrapolated into the touch.
             let error = f64::from(seen.deformation.0) - 300e-6;
             assert!(error.abs() < 40e-9, "{error:e}");
         }
@@ -289,7 +291,7 @@ fn the_baseline_follows_a_line_and_its_noise_is_as_stated() {
         last = deviation.from_line.0;
     }
     assert!(last.abs() < 1e-11 && (clean.rate() - 4e-9).abs() < 1e-12);
-    // Variance of the prediction, from the variance of the deviations.
+    // Variance of the prediction: the variance of the deviations less that of a reading.
     let memory = 20.0;
     let (mut rng, mut baseline) = (Rng::new(9), Baseline::new(memory));
     let (mut squares, mut count) = (0.0, 0.0);
@@ -326,8 +328,8 @@ fn bad_readings_pass_without_effect() {
 }
 
 /// The age of a press is the time for which it has been held, whatever its path to the depth, even
-/// if it has crept or the coil's current deepens it. A press that was lighter before is younger
-/// than the touch.
+/// if it has crept or the coil's current has deepened it. If it was lighter before, its age is less
+/// than that of the touch.
 #[test]
 fn the_age_of_a_press_is_that_of_its_depth() {
     let interval = Second(1e-2);
@@ -339,7 +341,7 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         for step in 1..=6_000_u16 {
             let time_s = f64::from(step) * 1e-2;
             let crept = 1.0 + 0.02 * (time_s / 0.1).max(1.0).ln();
-            // The peak of a train.
+            // The deformation at the current's peak in a train of ramps.
             let deepened = if step == 6_000 { 1.06 } else { 1.0 };
             let pressed = if time_s < rise_s {
                 time_s / rise_s
@@ -352,13 +354,14 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         let deformation = Metre((0.3e-3 * 1.06 * (1.0 + 0.02 * 600.0_f64.ln())) as f32);
         let Second(age_s) = detector.mean_age(deformation).unwrap();
         assert!((50.0..=60.0).contains(&age_s), "{rise_s} s: {age_s} s");
-        // Twice as deep, for two seconds.
+        // From here on twice as deep, for two seconds.
         for _ in 0..200 {
             detector.push(interval, deformation * 2.0);
         }
         let Second(age_s) = detector.mean_age(deformation * 2.0).unwrap();
         assert!((27.0..=33.0).contains(&age_s), "{rise_s} s: {age_s} s");
-        // Without a press there is no age: no infinite creep times a deformation of zero.
+        // Without a press there is no age; in particular, no infinite creep times a deformation of
+        // zero.
         assert!(
             [0.0, -1e-6]
                 .into_iter()

@@ -7,19 +7,20 @@ use palpate_model::contact::{Detector, Touch, Watch};
 use palpate_model::units::{Metre, Second};
 
 const INTERVAL_S: f64 = 1e-3;
-/// Noise of a reading; the next constants are the detector's settings.
+/// True noise of a reading; `SIGMA_M` and `RELEASE_M` are the detector's settings.
 const NOISE_M: f64 = 0.06e-6;
 const SIGMA_M: f64 = 0.2e-6;
 const RELEASE_M: f64 = 5e-6;
-/// Largest change of the reading per kelvin.
+/// Largest change of the untouched sensor's reading per kelvin.
 const PER_KELVIN_M: f64 = 0.19e-6;
-/// Time after which a contact must be over when the object has gone, s.
+/// Longest time from the removal of an object to the reported end of the contact, s.
 const GONE_S: f64 = 1.0;
-/// Times at which the zero of a touch is checked, in readings after it has reached its depth.
+/// Times at which the zero of a touch is checked, as numbers of readings after the touch has
+/// reached its depth.
 const JUDGED: [u32; 6] = [150, 400, 1_000, 3_000, 10_000, 60_000];
 
-/// An elastomer layer with three modes of creep (ranges of sim-host/stacks/disturbances.toml), in a
-/// room that warms.
+/// A simulated layer of elastomer with three modes of creep (ranges of
+/// sim-host/stacks/disturbances.toml), in a room that warms.
 struct Layer {
     rng: Rng,
     amplitudes: [f64; 3],
@@ -28,7 +29,7 @@ struct Layer {
     kelvin_per_s: f64,
     start_k: f64,
     time_s: f64,
-    /// Creep left by earlier touches, and creep of the current touch, m.
+    /// Creep left by earlier touches, and (`creep_m`) creep of the current touch, m, for each mode.
     left_m: [f64; 3],
     creep_m: [f64; 3],
 }
@@ -52,19 +53,19 @@ impl Layer {
         }
     }
 
-    /// Temperature difference from the calibration: at most 10 K either way.
+    /// Temperature difference from that of the calibration, K: at most 10 K either way.
     fn kelvin(&self) -> f64 {
         self.start_k + (self.kelvin_per_s * self.time_s).clamp(-10.0, 10.0)
     }
 
-    /// Removes the object.
+    /// The object is removed: creep of this touch becomes creep left by it.
     fn lifted(&mut self) {
         for (left, creep) in self.left_m.iter_mut().zip(&mut self.creep_m) {
             *left += core::mem::take(creep);
         }
     }
 
-    /// Reading after an interval with this elastic deformation.
+    /// Advances by an interval; returns the reading with this elastic deformation.
     fn reading(&mut self, elastic_m: f64) -> f64 {
         self.time_s += INTERVAL_S;
         for i in 0..3 {
@@ -76,20 +77,20 @@ impl Layer {
         self.zero_m() + elastic_m + creep_m + NOISE_M * self.rng.normal()
     }
 
-    /// Reading without the current touch.
+    /// What the sensor would read without the current touch.
     fn zero_m(&self) -> f64 {
         self.left_m.iter().sum::<f64>() + self.per_kelvin_m * self.kelvin()
     }
 }
 
-/// Checked zero of a touch: error and standard uncertainty, m.
+/// Check of a touch's zero: its error and its standard uncertainty, m.
 #[derive(Clone, Copy, Debug)]
 struct Judged {
     error_m: f64,
     sigma_m: f64,
 }
 
-/// A detector on a layer, with its results.
+/// A detector on a simulated layer, with the results of its checks.
 struct ContactBench {
     layer: Layer,
     detector: Detector,
@@ -112,7 +113,7 @@ impl ContactBench {
     }
 
     fn step(&mut self, elastic_m: f64) -> Touch {
-        // The thermometer is accurate to a kelvin.
+        // The temperature is known to one kelvin, so the detector is given one kelvin more.
         let away_k = self.layer.kelvin().abs() + 1.0;
         let rest = Metre((PER_KELVIN_M * away_k) as f32);
         self.detector.set_rest(Some(rest));
@@ -120,8 +121,8 @@ impl ContactBench {
         self.detector.push(Second(INTERVAL_S as f32), reading).touch
     }
 
-    /// Waits without contact: a contact that starts, or that is still held when the object has
-    /// gone, is a ghost.
+    /// Waits without an object. A contact that starts in this time, or that is not over after
+    /// `GONE_S`, is a ghost.
     fn wait(&mut self, seconds: f64) {
         self.layer.lifted();
         let mut ghost = false;
@@ -133,7 +134,7 @@ impl ContactBench {
         self.ghosts += u32::from(ghost);
     }
 
-    /// Presses to this depth and back at this speed, and holds for this time.
+    /// Presses to a depth at a speed, holds for a time, and releases at the same speed.
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64, seconds: f64) {
         let way = (depth_m / speed_m_per_s / INTERVAL_S) as u32;
         let deep = |step: u32| depth_m * f64::from(step) / f64::from(way.max(1));
@@ -168,7 +169,7 @@ impl ContactBench {
         }
     }
 
-    /// Places an object with this deformation; returns whether it is detected at the end.
+    /// Places an object that causes this deformation; returns whether it is detected in the end.
     fn lie(&mut self, depth_m: f64, seconds: f64) -> bool {
         let steps = 0..(seconds / INTERVAL_S) as u32;
         let last = steps.map(|_| self.step(depth_m)).last();
@@ -189,7 +190,7 @@ fn log_between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     rng.between(low.ln(), high.ln()).exp()
 }
 
-/// Ten presses of 0.1 to 1.4 times 0.3 mm in succession, with gaps of 0.2 to 20 s.
+/// Ten presses in succession to 0.1 to 1.4 times 0.3 mm, with gaps of 0.2 to 20 s.
 fn ten_presses(seed: u64, longest_s: f64) -> ContactBench {
     let mut bench = ContactBench::new(seed);
     bench.wait(1.0);
@@ -208,8 +209,8 @@ fn ten_presses(seed: u64, longest_s: f64) -> ContactBench {
     bench
 }
 
-/// Asserts that there is no ghost and no missed touch, and that the zeros agree with their
-/// uncertainties.
+/// Asserts that there is no ghost and no missed touch, and that the errors of the zeros agree with
+/// their uncertainties.
 fn assert_sound(benches: &[ContactBench]) {
     let sum = |of: fn(&ContactBench) -> u32| benches.iter().map(of).sum::<u32>();
     let found = (
@@ -246,7 +247,7 @@ fn ten_presses_in_a_row_are_ten_touches() {
     );
 }
 
-/// People hold an object for at most 300 s.
+/// Presses are held for up to 300 s, as long as people hold an object.
 #[test]
 #[ignore = "hours of simulated readings"]
 fn ten_long_presses_in_a_row_are_ten_touches() {
@@ -277,8 +278,8 @@ fn each_tap_of_two_is_found_however_soon_it_follows() {
     assert_eq!(benches.len(), 100);
 }
 
-/// An object that is present at power-on is a touch of doubtful zero; lifting it leaves a working
-/// sensor.
+/// An object that is present at power-on is reported as a touch with a doubtful zero; after it is
+/// lifted, the sensor works normally.
 #[test]
 fn an_object_that_lies_there_from_the_beginning_is_found() {
     for seed in 1..=20 {
@@ -300,7 +301,7 @@ fn an_object_that_lies_there_from_the_beginning_is_found() {
     }
 }
 
-/// A contact too light to be detected widens the uncertainty of the zero.
+/// A contact that is too light to be detected widens the uncertainty of the next zero.
 #[test]
 fn what_is_too_light_to_be_found_is_uncertain() {
     let mut seen = 0;
@@ -311,14 +312,14 @@ fn what_is_too_light_to_be_found_is_uncertain() {
                 continue;
             }
             seen += 1;
-            // A press on the object, which is part of the touch from then on.
+            // Presses on the object, which counts as part of the touch from then on.
             for _ in 0..300 {
                 bench.step(0.3e-3);
             }
             let zero = bench.detector.zero().expect("a touch");
             let error_m = f64::from(zero.value().0) - bench.layer.zero_m();
             let reach_m = 1.96 * f64::from(zero.variance_m2()).sqrt();
-            // The effect of temperature on the rest may hide as much again.
+            // The temperature's effect on the rest may hide this much more deformation.
             let hidden_m = PER_KELVIN_M * 5.0;
             assert!(
                 error_m.abs() < reach_m + hidden_m,
@@ -344,7 +345,7 @@ fn a_touch_outlasts_an_interruption() {
         bench.detector.resume(watch());
         assert!(bench.lie(0.25e-3, 2.0), "{seed}");
         bench.judge();
-        // The same while untouched and recovering.
+        // The same interruption while the sensor is untouched and recovers.
         bench.wait(1.0);
         bench.detector.resume(watch());
         bench.wait(3.0);
@@ -356,8 +357,8 @@ fn a_touch_outlasts_an_interruption() {
     }
 }
 
-/// Without a known rest an object that is present from the start cannot be detected; but lifting it
-/// is not learnt as a drift.
+/// Without a known rest, an object that is present from the start cannot be detected; but the step
+/// when it is lifted is not learnt as a drift.
 #[test]
 fn a_step_down_is_never_learnt_as_a_drift() {
     let (mut rng, mut found) = (Rng::new(3), Vec::new());

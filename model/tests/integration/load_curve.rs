@@ -8,12 +8,12 @@ use palpate_model::units::{Metre, NewtonPerMetre, Second};
 
 const SENSING: NewtonPerMetre = NewtonPerMetre(6e3);
 
-/// A load that hardens with the cube of x: at the 0.3 mm of the press its tangent is twice its
-/// secant.
+/// A load that hardens with the cube of x: at 0.3 mm, the deformation of the press, the slope of
+/// its tangent is twice that of its secant.
 fn hardening(eps: f64) -> Stack {
     let k = 3e3;
     let x = 0.3e-3;
-    // k3 x^2 = k: F = 2 k x and dF/dx = 4 k there.
+    // k3 x^2 = k at this deformation, so F = 2 k x and dF/dx = 4 k there.
     let load = LoadLaw::Hardening { k, k3: k / (x * x) };
     Stack {
         load,
@@ -37,8 +37,8 @@ fn quadratic_with_creep() -> Basis {
     .unwrap()
 }
 
-/// Deviations from the truth in standard errors, the largest along the ramp: force and absolute
-/// curve, curve from the ramp alone, tangent.
+/// Largest deviations from the truth along the ramp, in standard errors: of the force and the
+/// absolute curve, of the curve from the ramp alone, and of the tangent.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     force: f64,
@@ -55,8 +55,9 @@ fn along_the_ramp(stack: &Stack, fitted: &Fit) -> Worst {
         let truth = stack.at(current);
         let h = stack.regressor(current) as f32;
         let point = fitted.load_point_within(h, SENSING, Metre(stack.total as f32));
-        // Distance of the point (x_L, F) from the curve, along F, with the correlation of the
-        // errors: both come from one deformation, so x_L decreases by as much as F increases.
+        // Distance of the point (x_L, F) from the true curve, along F. The errors of both are
+        // correlated, since they come from one deformation: x_L decreases by as much as F
+        // increases.
         let off = |x: f64, f: f64| f - stack.load.force(x);
         let tangent = stack.load.tangent(truth.load);
         let sigma =
@@ -87,7 +88,7 @@ fn along_the_ramp(stack: &Stack, fitted: &Fit) -> Worst {
     worst
 }
 
-/// Share of `ramps` in which the whole curve is within three standard errors.
+/// Fraction of `ramps` simulated ramps in which the whole curve is within three standard errors.
 fn share_within(
     ramps: u64,
     basis: Basis,
@@ -118,7 +119,7 @@ fn a_hardening_spring_s_curve_is_within_three_standard_errors() {
             let recording = record(&stack, &Ramps::EIGHT, noise, |_| 0.0, &mut Rng::new(seed));
             (stack, recording)
         });
-        // A cubic has four independent directions; by chance one of them exceeds three standard
+        // A cubic curve has four independent errors; by chance one of them exceeds three standard
         // errors in one ramp of a hundred.
         assert!(within.iter().all(|&share| share >= 0.97), "{within:?}");
     }
@@ -137,7 +138,7 @@ fn and_under_creep() {
 
 #[test]
 fn its_errors_are_as_large_as_stated_and_no_larger() {
-    // Root mean square of the errors in standard errors, at the peak of the ramp.
+    // Root mean square of the errors at the peak of the ramp, in standard errors.
     let stack = hardening(0.10);
     let (truth, rest) = (stack.at(1.0), stack.at(0.0));
     let h = stack.regressor(1.0) as f32;
@@ -160,7 +161,7 @@ fn its_errors_are_as_large_as_stated_and_no_larger() {
         }
     }
     println!("rms in s.e.: {:?}", squares.map(f64::sqrt));
-    // Scatter by chance: 2 % (one standard deviation).
+    // The fraction scatters by chance by 2 % (one standard deviation).
     assert!(
         squares.iter().all(|s| (s.sqrt() - 1.0).abs() < 0.08),
         "{squares:?}"
@@ -211,7 +212,7 @@ fn every_sample_is_a_point_of_the_curve() {
         let force = (f64::from(point.force.0) - truth.force) / f64::from(point.force_sigma.0);
         let moved = f64::from(point.displacement.0) - (truth.load - rest.load);
         let displacement = moved / f64::from(point.displacement_sigma.0);
-        // The error of one deformation appears twice, with opposite signs.
+        // The error of one deformation affects force and displacement, with opposite signs.
         assert!(
             (force + displacement).abs() < 0.02,
             "{force} {displacement}"

@@ -1,9 +1,10 @@
-//! Every function of `math` against `f64`, within the error bound of its doc.
+//! Every function of `math`, compared with `f64`: its errors are within the bound that its doc
+//! states.
 
 use crate::common::rng::Rng;
 use palpate_model::math::{self, Wide, coarse, student};
 
-/// Positive normal numbers between two limits, evenly over their bit patterns.
+/// Positive normal numbers between two limits, evenly spaced in their bit patterns.
 fn positives(low: f32, high: f32) -> impl Iterator<Item = f32> {
     (low.to_bits()..=high.to_bits())
         .step_by(997)
@@ -21,8 +22,8 @@ fn grid(low: f64, high: f64) -> impl Iterator<Item = f32> {
     (0..=STEPS).map(move |i| (low + (high - low) * f64::from(i) / f64::from(STEPS)) as f32)
 }
 
-/// Asserts that the largest error is within the budget and above a quarter of it, so that the
-/// budget is not idle.
+/// Asserts that the largest error is below the budget, but above a quarter of it: otherwise the
+/// stated bound would be too wide.
 fn within(budget: f64, name: &str, errors: impl Iterator<Item = (f32, f64)>) {
     let (at, worst) = errors.fold((f32::NAN, -1.0), |worst, (x, error)| {
         if error <= worst.1 { worst } else { (x, error) }
@@ -141,7 +142,7 @@ fn coarse_waveforms() {
     assert!(grid(10.0, 80.0).all(|x| coarse::decay(x) >= 0.0 && coarse::decay(x) < 5e-5));
 }
 
-/// Distribution function of Student's t by Simpson's rule over the angle atan(t/sqrt(n)).
+/// Distribution function of Student's t, by Simpson's rule in the angle atan(t/sqrt(n)).
 fn student_distribution(t: f64, degrees: f64) -> f64 {
     let density = |angle: f64| angle.cos().powf(degrees - 1.0);
     let simpson = |to: f64| {
@@ -161,7 +162,7 @@ fn student_quantiles() {
     let error = |n: u32| {
         let quantile = f64::from(student::quantile_975(n));
         let n64 = f64::from(n);
-        // One Newton step from the quantile to the point where the integral is 97.5 %.
+        // One Newton step from the tested quantile to the point at which the integral is 97.5 %.
         let slope = (student_distribution(quantile * 1.001, n64)
             - student_distribution(quantile * 0.999, n64))
             / 0.002;
@@ -173,7 +174,7 @@ fn student_quantiles() {
     within(1.5e-5, "from 8 on", many.map(error));
 }
 
-/// Wide numbers over many magnitudes with all their bits in use.
+/// Wide numbers of many magnitudes whose bits are all in use.
 fn wides(count: usize) -> Vec<Wide> {
     let mut rng = Rng::new(2);
     let mut digits = || {
@@ -185,7 +186,7 @@ fn wides(count: usize) -> Vec<Wide> {
         .collect()
 }
 
-/// The number mantissa x 2^(exponent + by) as an integer; exact while it fits.
+/// The integer mantissa x 2^(exponent + by); `None` if exponent + by is negative or above 63.
 fn integer((mantissa, exponent): (i64, i32), by: i32) -> Option<i128> {
     let shift = u32::try_from(exponent + by)
         .ok()
@@ -193,7 +194,7 @@ fn integer((mantissa, exponent): (i64, i32), by: i32) -> Option<i128> {
     Some(i128::from(mantissa) << shift)
 }
 
-/// Largest relative error of an operation on random pairs, against exact integers.
+/// Relative errors of an operation on random pairs, compared with exact integers.
 fn of_pairs(exact: impl Fn(Wide, Wide) -> Option<f64>) -> impl Iterator<Item = (f32, f64)> {
     let numbers = wides(400_000);
     let errors: Vec<_> = numbers
@@ -207,7 +208,7 @@ fn of_pairs(exact: impl Fn(Wide, Wide) -> Option<f64>) -> impl Iterator<Item = (
 #[test]
 fn wide_sums_products_and_quotients() {
     let sum = |a: Wide, b: Wide, found: Wide, sign: i128| {
-        // All three on the finest of their scales.
+        // Both operands and the result, as integers in units of the smallest of their last bits.
         let [x, y, z] = [a.parts(), b.parts(), found.parts()];
         let by = -x.1.min(y.1).min(z.1);
         let [x, y, z] = [integer(x, by)?, sign * integer(y, by)?, integer(z, by)?];
@@ -223,7 +224,7 @@ fn wide_sums_products_and_quotients() {
     };
     within(2.7e-18, "product", of_pairs(product));
     let quotient = |a: Wide, b: Wide| {
-        // x 2^n = z y + rest, where the rest is the error.
+        // x 2^n = z y + remainder, where the remainder is the error.
         let ((x, e), (y, f), (z, g)) = (a.parts(), b.parts(), (a / b).parts());
         let scaled = i128::from(x) << u32::try_from(e - f - g).ok()?;
         let rest = scaled - i128::from(z) * i128::from(y);
@@ -258,7 +259,7 @@ fn wide_numbers_come_from_f32_exactly_and_go_back_to_the_nearest() {
     for wide in wides(100_000) {
         let (mantissa, exponent) = wide.parts();
         let exact = mantissa as f64 * 2f64.powi(exponent);
-        // Through `f64`, whose own rounding at most moves a tie.
+        // Compared with the exact value in `f64`, whose own rounding matters only for a tie.
         let error = (f64::from(wide.to_f32()) / exact - 1.0).abs();
         assert!(error <= 6.0e-8, "{error:e}");
         assert!((1 << 61..1 << 62).contains(&mantissa.unsigned_abs()));
@@ -267,7 +268,7 @@ fn wide_numbers_come_from_f32_exactly_and_go_back_to_the_nearest() {
 
 #[test]
 fn a_million_small_things_are_not_lost_beside_a_large_one() {
-    // A sum in `f32` would stay at 1000 and lose all of them.
+    // A sum of `f32` would stay at 1000 and lose all the terms.
     let mut sum = Wide::from_f32(1e3);
     for _ in 0..1_000_000 {
         sum = sum + Wide::from_f32(1e-6);
@@ -278,7 +279,7 @@ fn a_million_small_things_are_not_lost_beside_a_large_one() {
 
 #[test]
 fn a_long_sum_s_errors_do_not_all_point_one_way() {
-    // A million numbers with last bits below those of a sum near 2^40.
+    // Adds a million numbers whose last bits are below those of a sum near 2^40.
     let mut rng = Rng::new(5);
     let mut sum = Wide::from_f32(2f32.powi(40));
     let mut exact = 0i128;
@@ -289,7 +290,7 @@ fn a_long_sum_s_errors_do_not_all_point_one_way() {
     }
     let (mantissa, exponent) = (sum - Wide::from_f32(2f32.powi(40))).parts();
     let found = i128::from(mantissa) >> -(exponent + 33);
-    // In units of the sum's last bit, 2^-21: half a unit each time if truncated.
+    // In units of the sum's last bit, 2^-21: truncation would lose half a unit each time.
     let off = (found - exact).abs() >> 12;
     assert!(off < 2000, "{off}");
 }

@@ -1,5 +1,5 @@
-//! Effects that bend the line of a train, and the error that they cause. The ramps are computed in
-//! `f64`.
+//! Effects that bend the line fitted to a train of ramps, and the error that they cause in the
+//! slope. The ramps are simulated in `f64`.
 
 use palpate_model::ramp::{
     Basis, Bend, Fit, Noise, Ramp, RampSample, Reference, SLOPE_BY_BEND, Term,
@@ -9,34 +9,35 @@ use palpate_model::units::{Metre, Second};
 const X_REF_M: f64 = 0.3e-3;
 const KAPPA: f64 = 1.0;
 const RATIO: f64 = 1.5;
-/// Rise of c_D at the peak, relative.
+/// Relative rise of c_D at the peak of the current.
 const RISE: f64 = 0.1;
 const FALL_S: f64 = 0.06;
 
-/// Stiffening at a part of the fall, relative to that at the peak; the second argument is its
-/// parameter.
+/// Stiffening relative to that at the peak. The first argument is the elapsed fraction of the fall,
+/// the second one the parameter of the effect.
 type Stiffening = fn(f64, f64) -> f64;
 
-/// The calibrated stiffening (1 - s)^2, for a current that falls in a straight line.
+/// The calibrated stiffening (1 - s)^2 for a current that falls in a straight line; s is the
+/// elapsed fraction of the fall.
 fn quadratic(part: f64) -> f64 {
     (1.0 - part).powi(2)
 }
 
-/// The stiffening with a lag of `lag` of a fall, from rest at the peak: y = u + lag y' solved in
-/// closed form.
+/// The stiffening with a first-order lag of `lag` times the duration of a fall, settled at the
+/// peak: y = u + lag y' solved in closed form.
 fn lagging(part: f64, lag: f64) -> f64 {
     let particular = |s: f64| (1.0 - s).powi(2) + 2.0 * lag * (1.0 - s) + 2.0 * lag * lag;
     particular(part) + (1.0 - particular(0.0)) * (-part / lag).exp()
 }
 
-/// The stiffening with the share `play` passing through a play of a quarter to each side, as in the
-/// simulated plant.
+/// The stiffening whose fraction `play` passes through a play of a quarter to either side, as in
+/// the simulated plant.
 fn with_play(part: f64, play: f64) -> f64 {
     let u = quadratic(part);
     (1.0 - play) * u + play * (u + 0.25).min(0.75) / 0.75
 }
 
-/// The stiffening with saturation, half-way at the field 1/sqrt(`square`) of the peak's.
+/// The stiffening with saturation: half of it is reached at 1/sqrt(`square`) of the peak's field.
 fn saturating(part: f64, square: f64) -> f64 {
     let u = quadratic(part);
     u * (1.0 + square) / (1.0 + square * u)
@@ -47,8 +48,8 @@ fn rho_to_h(stiffening: f64) -> f64 {
     -RATIO * rise / (1.0 + rise)
 }
 
-/// Straight and bent line of twelve falls of 60 readings with uniform noise of `noise_m`, and the
-/// span.
+/// Fits a straight and a bent line to twelve falls of 60 readings with uniform noise of `noise_m`;
+/// also returns the span of the regressor.
 fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
     let whole = 1.0 + KAPPA + RATIO;
     let reference = Reference::new(Metre(X_REF_M as f32), RATIO as f32).unwrap();
@@ -76,7 +77,7 @@ fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
     (straight, bent, span)
 }
 
-/// Bend, and relative error of the slope.
+/// Bend of the line, and relative error of the slope.
 fn bend_and_error(acts: Stiffening, size: f64, noise_m: f64) -> (Bend, f64) {
     let (straight, bent, span) = fits(acts, size, noise_m);
     let whole = f64::from(straight.load_ratio().unwrap().value) + 1.0 + RATIO;
@@ -92,7 +93,7 @@ fn a_line_that_is_straight_has_no_bend_and_no_further_uncertainty() {
     assert!(b.value.abs() < 3.0 * b.standard_error, "{b:?}");
     assert_eq!(bend.significant_uncertainty(3.5, 1.0), 0.0);
     // A bend of up to one standard error adds no uncertainty; a larger one adds at most its own
-    // size, here below three standard errors.
+    // size, which is below three standard errors here.
     let most = SLOPE_BY_BEND * 3.5 * 3.0 * b.standard_error;
     assert!(bend.uncertainty(3.5, 1.0) < most);
 }
@@ -120,10 +121,12 @@ fn the_uncertainty_grows_with_the_bend_and_shrinks_with_the_noise() {
     let alone = bend.uncertainty(3.5, 1.0);
     let expected = SLOPE_BY_BEND * 3.5 * bend.relative.value.abs();
     assert!((alone / expected - 1.0).abs() < 0.1, "{alone} {expected}");
-    // If single ramps disagree by much more than their own errors, the bend may be chance.
+    // If the results of single ramps scatter by much more than their own errors, the bend may be
+    // due to chance.
     assert!(bend.uncertainty(3.5, 10.0) < alone);
     assert_eq!(bend.uncertainty(3.5, 1e4), 0.0);
-    // The uncertainty for a refusal is smaller, and zero at a third of the noise.
+    // The uncertainty on which a refusal may be based is smaller, and zero for a third of the
+    // noise.
     assert!(bend.significant_uncertainty(3.5, 10.0) < bend.uncertainty(3.5, 10.0));
     assert_eq!(
         bend.significant_uncertainty(3.5, 10.0),

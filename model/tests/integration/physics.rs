@@ -22,7 +22,7 @@ fn codes_keep_their_digits() {
     let mut worst = [0.0f64; 2];
     for _ in 0..200_000 {
         let reference = rng.between(2e6, 2.6e8) as u32;
-        // From one count up to half of the reference.
+        // Changes from one count up to half of the reference code.
         let size = 10f64.powf(rng.between(0.0, f64::from(reference / 2).log10()));
         let count = (size as u32).max(1);
         let code = if rng.uniform() < 0.5 {
@@ -35,7 +35,8 @@ fn codes_keep_their_digits() {
         assert!((delta - exact_delta).abs() < 1e-15);
         let ours = tank::relative_frequency_change(reference, code);
         worst[0] = worst[0].max(relative(ours, exact_delta));
-        // Starting from the rounded change, so that only this function's error counts.
+        // Computed from the rounded frequency change, so that only this function's error is
+        // measured.
         let delta = f64::from(ours);
         let inductance = -delta * (2.0 + delta) / ((1.0 + delta) * (1.0 + delta));
         let found = tank::relative_inductance_change(ours);
@@ -63,7 +64,7 @@ fn springs_balance() {
             actuated: NewtonPerMetre(d),
         };
         let [l, s, d] = [l, s, d].map(f64::from);
-        // Eq. (1), and the deformation from the force through all three.
+        // Eq. (1), and the deformation that the force causes in all three springs.
         let whole = 1.0 / (1.0 / l + 1.0 / s + 1.0 / d);
         assert!(relative(springs.in_series().0, whole) <= 4.0e-7);
         let shares = springs.shares();
@@ -83,7 +84,8 @@ fn springs_balance() {
 
 #[test]
 fn equation_2_as_published() {
-    // Large changes, for which `f32` suffices: the published form in `f64` on the same inputs.
+    // For large changes `f32` suffices: compared with the published form in `f64` on the same
+    // inputs.
     let mut rng = Rng::new(4);
     for _ in 0..10_000 {
         let [s, d1, d2] = [(); 3].map(|()| rng.between(1e3, 1e5) as f32);
@@ -91,7 +93,8 @@ fn equation_2_as_published() {
         let closed = equation_2(s.into(), [d1.into(), d2.into()], [x1.into(), x2.into()]);
         let d = [NewtonPerMetre(d1), NewtonPerMetre(d2)];
         let ours = two_state_load(NewtonPerMetre(s), d, [Metre(x1), Metre(x2)]).0;
-        // The two terms of the denominator cancel for nearly every random state: compare 1/c_L.
+        // For nearly every random state the two terms of the denominator cancel, so 1/c_L is
+        // compared.
         let scale = 1.0 / f64::from(s);
         let size = (f64::from(x1) + f64::from(x2)) / (f64::from(x1) - f64::from(x2)).abs();
         assert!((1.0 / f64::from(ours) - 1.0 / closed).abs() < 1e-5 * scale * size * size * 10.0);
@@ -100,7 +103,8 @@ fn equation_2_as_published() {
 
 #[test]
 fn bonded_layers_as_published() {
-    // N/mm, three digits: a layer r 30, h 5 mm and a pad r 7, h 2 mm of E 0.1 MPa.
+    // Published, N/mm with three digits: a layer of r 30, h 5 mm and a pad of r 7, h 2 mm, with E
+    // 0.1 MPa.
     let cases = [(30e-3, 5e-3, 56.5, 1074.0), (7e-3, 2e-3, 7.70, 54.8)];
     for (radius, height, plain, bonded) in cases {
         let disc = BondedDisc::new(Metre(radius), Metre(height)).unwrap();
@@ -126,8 +130,8 @@ fn stiffening_as_published() {
         (15.0, 0.25, [9.9, 92.0, 346.0]),
     ];
     for (r, half, percents) in rubbers {
-        // The law of one rubber, defined at 137 mT and 10 A, evaluated at the currents of the other
-        // fields.
+        // The law of one rubber, defined by its rise at 137 mT and 10 A; it is evaluated at the
+        // currents of the other fields.
         let at_peak: f32 = r * 0.137 * 0.137 / (0.137 * 0.137 + half * half);
         let law = Saturating::new(NewtonPerMetre(1e3), at_peak, Ampere(10.0)).unwrap();
         let law = law.saturating(Tesla(0.137), Tesla(half)).unwrap();
@@ -154,7 +158,7 @@ fn the_regressor_keeps_its_digits_at_half_a_percent() {
         let rise = |i: f64| f64::from(eps) * shape(field(i)) / shape(f64::from(peak));
         let i = f64::from(current);
         worst[0] = worst[0].max(relative(law.rise(Ampere(current)).value, rise(i)));
-        // Starting from the rounded rise, so that only the regressor's error counts.
+        // Computed from the rounded rise, so that only the regressor's error is measured.
         let rho = f64::from(law.rise(Ampere(current)).value);
         let g0 = f64::from(s) / f64::from(d);
         let found = law.regressor(NewtonPerMetre(s), Ampere(current));
@@ -204,7 +208,8 @@ fn a_table_of_the_law_is_the_law() {
     assert!(Tabulated::new(NewtonPerMetre(0.0), curve).is_err());
 }
 
-/// A law changed by factors equals the law of the changed spring and rise, whatever its form.
+/// A law modified by factors equals the law whose spring and rise have been multiplied, whatever
+/// the law's form.
 #[test]
 fn a_changed_law_is_that_of_changed_parameters() {
     let by = Factors::at(-12.5, -2e-3, 4e-3);
@@ -244,8 +249,8 @@ fn a_changed_law_is_that_of_changed_parameters() {
 
 #[test]
 fn an_attraction_is_a_part_of_the_regressor() {
-    // x from the balance of lengths with a pull p = f/c_D on the actuated layer; then
-    // x_0/x = 1 + kappa + g + p/x, whatever the pull.
+    // x follows from the balance of lengths with a pull p = f/c_D on the actuated layer; then x_0/x
+    // = 1 + kappa + g + p/x, whatever the pull is.
     let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).unwrap();
     let (c_s, c_l, x_0) = (6e3, 3e3, 1e-3);
     for i in 0..=10 {

@@ -10,7 +10,8 @@ use palpate_model::units::NewtonPerMetre;
 
 #[test]
 fn the_bound_of_a_straight_line_is_the_textbook_s() {
-    // Intercept and slope at 0..9 with unit noise: variances 0.3454 and 1/82.5.
+    // Intercept and slope of a line through readings at 0 to 9 with unit noise: variances 0.3454
+    // and 1/82.5.
     let line = |i: usize, p: &[f64]| p[0] + p[1] * i as f64;
     let bound = cramer_rao(10, &[1.0, 2.0], &[1.0, 1.0], line, |_| 1.0);
     assert!((bound[0].powi(2) - 285.0 / 825.0).abs() < 1e-9);
@@ -22,7 +23,7 @@ fn the_bounds_are_the_published_ones() {
     for case in CASES {
         let bound = case.bound();
         println!("{}: {:.3} %", case.name, bound * 100.0);
-        // Published with two digits, for an unspecified sampling grid.
+        // The published bound has two digits, and its sampling grid is unknown.
         assert!(
             (bound / case.published - 1.0).abs() < 0.03,
             "{}: {bound}",
@@ -31,8 +32,8 @@ fn the_bounds_are_the_published_ones() {
     }
 }
 
-/// Checks the limits for 2000 ramps. Chance alone moves RMSE/bound by 0.016, the mean by 0.022 and
-/// the coverage by 0.005 (one standard deviation).
+/// Checks the limits for 2000 ramps. By chance alone, RMSE/bound scatters by 0.016, the mean by
+/// 0.022 and the coverage by 0.005 (one standard deviation).
 fn judge(case: &EfficiencyCase, errors: &EstimateErrors) {
     let (rms, mean, cover) = (errors.rms(), errors.mean(), errors.coverage());
     println!(
@@ -41,7 +42,8 @@ fn judge(case: &EfficiencyCase, errors: &EstimateErrors) {
     );
     let name = case.name;
     assert_eq!((errors.count, errors.refused), (2000, 0), "{name}");
-    // If the error is below the bound by more than chance, either the bound or the noise is wrong.
+    // An error that is below the bound by more than chance means that the bound or the noise is
+    // wrong.
     assert!((0.95..=1.05).contains(&rms), "{name}: RMSE/bound {rms}");
     assert!(mean.abs() <= 0.1, "{name}: mean {mean}");
     assert!((0.935..=0.965).contains(&cover), "{name}: coverage {cover}");
@@ -65,7 +67,7 @@ fn both_other_readings_of_the_noise_cover_too() {
     }
 }
 
-/// Ramps on stacks with a standard error of kappa comparable to kappa.
+/// Coverage over simulated ramps in which the standard error of kappa is comparable to kappa.
 fn coverage(ratio: f64, eps: f64, noise: f64, ramps: Ramps, seeds: u64) -> (EstimateErrors, usize) {
     let stack = Stack::equal(ratio, eps);
     let (mut errors, mut open) = (EstimateErrors::default(), 0);
@@ -96,7 +98,8 @@ fn intervals_cover_where_the_ratio_is_far_from_normal() {
     );
     assert!((errors.coverage() - 0.95).abs() < 0.015);
     assert!(open > 2000 && errors.refused < 40);
-    // A soft load whose slope is six standard errors: Fieller's interval is well off centre.
+    // A soft load whose slope is only six standard errors: Fieller's interval is far from
+    // symmetric.
     let (errors, _) = coverage(0.2, 0.003, 5e-4, Ramps::ONE, 4000);
     println!(
         "soft: coverage {:.4}, {} refused",
@@ -115,14 +118,14 @@ fn intervals_from_five_samples_use_student() {
     };
     let (errors, _) = coverage(1.0, 0.3, 1e-4, few, 8000);
     println!("five samples: coverage {:.4}", errors.coverage());
-    // The normal quantile would cover 85 %.
+    // With the normal quantile the coverage would be 85 %.
     assert!((errors.coverage() - 0.95).abs() < 0.01);
 }
 
 #[test]
 fn noisy_readings_do_not_bias() {
-    // SNR 100, where second-order bias would be visible: 20 times the noise with 20 times the
-    // stiffening.
+    // At a signal-to-noise ratio of 100 a bias of second order would be visible: the noise and the
+    // stiffening are both 20 times as large.
     let stack = Stack::equal(1.0, 0.5);
     let mut errors = EstimateErrors::default();
     let mut expected: f64 = 0.0;

@@ -1,4 +1,4 @@
-//! Further results of a fit: drifts, errors, interval, weights, scatter.
+//! Further results of a fit: drifts, errors, intervals, weights, scatter.
 
 use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Stack, record};
@@ -48,7 +48,7 @@ fn each_drift_is_found_and_taken_out() {
         },
     ];
     for drift in cases {
-        // phi, written independently.
+        // phi as the documentation defines it, independent of the crate's code.
         let phi = move |t: f64| match drift {
             DriftModel::Linear => t,
             DriftModel::Logarithmic { .. } => (1.0 + t / 0.2).ln(),
@@ -88,12 +88,13 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
         let ours = fitted.load_ratio().unwrap();
         let error = f64::from(ours.standard_error) / exact.standard_error - 1.0;
         assert!(error.abs() < 1e-5, "{error:e}");
-        // The cost of the drift term: the published 3.2 over 0.51 at eps 3 %.
+        // The drift term raises the standard error by the published ratio of 3.2 to 0.51, at eps 3
+        // %.
         let plain = fit(&recording, Basis::LINEAR, Noise::Stated).unwrap();
         let [dear, cheap] = [fitted.coefficient(1), plain.coefficient(1)].map(Option::unwrap);
         let price = dear.standard_error / cheap.standard_error;
         assert!(eps != 0.03 || (price - 6.27).abs() < 0.1, "{price}");
-        // White noise of the stated size: chi-square 397 +- 28.
+        // With white noise of the stated size, chi-square is 397 +- 28.
         assert_eq!(fitted.degrees_of_freedom(), 397);
         assert!(
             (fitted.chi_square() - 397.0).abs() < 85.0,
@@ -109,7 +110,8 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
 
 #[test]
 fn the_interval_is_fieller_s() {
-    // A slope of six standard errors: the ends of the interval lie 35 % and 50 % from the estimate.
+    // With a slope of six standard errors, the ends of the interval are 35 % and 50 % from the
+    // estimate.
     let stack = Stack::equal(0.2, 0.003);
     for seed in 0..20 {
         let recording = record(&stack, &Ramps::ONE, 5e-4, |_| 0.0, &mut Rng::new(seed));
@@ -158,8 +160,8 @@ fn the_centre_is_the_weighted_mean() {
 #[test]
 fn unstated_noise_widens_and_luck_does_not_narrow() {
     let stack = Stack::equal(1.0, 0.1);
-    // Half the samples' sigma is wrong by a factor of four: chi-square shows it, and Birge's rule
-    // widens the interval.
+    // The sigma of half of the samples is wrong by a factor of four: chi-square shows that, and
+    // Birge's rule widens the interval.
     let mut recording = record(&stack, &Ramps::ONE, 4e-4, |_| 0.0, &mut Rng::new(6));
     let width = |recording: &_, noise| {
         let ratio = fit(recording, Basis::LINEAR, noise)
@@ -189,7 +191,7 @@ fn unstated_noise_widens_and_luck_does_not_narrow() {
 
 #[test]
 fn weights_follow_sigma() {
-    // Every second sample is ten times noisier: the fit must be the weighted one.
+    // Every second sample is ten times noisier: only a weighted fit gives the right result.
     let stack = Stack::equal(1.0, 0.1);
     let mut recording = record(&stack, &Ramps::ONE, 1e-4, |_| 0.0, &mut Rng::new(12));
     let mut rng = Rng::new(13);
@@ -226,18 +228,20 @@ fn the_regressor_s_noise_is_put_into_sigma() {
         sigma: Metre(3e-8),
     };
     let noisy = quiet.with_regressor_sigma(&reference, 1e-3);
-    // x sigma_g/(1 + g) = 0.31 mm x 1e-3 / 1.9, beside 30 nm.
+    // x sigma_g/(1 + g) = 0.31 mm x 1e-3 / 1.9, added in squares to 30 nm.
     let expected = (3e-8f64.powi(2) + (3.1e-4 * 1e-3 / 1.9f64).powi(2)).sqrt();
     assert!((f64::from(noisy.sigma.0) / expected - 1.0).abs() < 1e-5);
     assert_eq!(quiet.with_regressor_sigma(&reference, 0.0), quiet);
 }
 
-/// For a slow disturbance the stated error of the mean agrees with its scatter from train to train.
+/// For a slow disturbance, the stated error of the mean agrees with the scatter of the mean from
+/// train to train.
 #[test]
 fn what_turns_slowly_is_not_averaged_out() {
     let mut rng = Rng::new(23);
     let stated = 0.02;
-    // Phase advance from one of twelve estimates to the next, and the amplitude.
+    // `turn` is the advance of the phase from one of twelve estimates to the next, `size` the
+    // amplitude.
     let mut trains = |turn: f64, size: f64| -> (f64, f64) {
         let (mut errors, mut factors) = (0.0, 0.0);
         for _ in 0..2000 {
@@ -260,13 +264,14 @@ fn what_turns_slowly_is_not_averaged_out() {
     let (noise, stated_of_noise) = trains(0.0, 0.0);
     assert!((noise - 1.0).abs() < 0.05);
     assert!((1.0..1.35).contains(&stated_of_noise), "{stated_of_noise}");
-    // A vibration at 9.5 Hz with ramps at 10 Hz advances by a twentieth of a turn.
+    // Ramps at 10 Hz: a vibration at 9.5 Hz changes its phase by a twentieth of a turn from ramp to
+    // ramp.
     let (slow, stated_of_slow) = trains(-0.05 * std::f64::consts::TAU, 0.1);
     assert!(
         (0.8..2.0).contains(&(stated_of_slow / slow)),
         "{slow} {stated_of_slow}"
     );
-    // Successive estimates with opposite signs: the scatter alone is on the safe side.
+    // Successive estimates have opposite signs: the stated error is then larger than the true one.
     let (quick, stated_of_quick) = trains(0.45 * std::f64::consts::TAU, 0.1);
     assert!(stated_of_quick > quick, "{quick} {stated_of_quick}");
 }

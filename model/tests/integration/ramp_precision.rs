@@ -8,15 +8,16 @@ use crate::common::rng::Rng;
 use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Term};
 use palpate_model::units::{Metre, Second};
 
-/// c_L/c from 0.1 to 10 and eps from 0.5 to 50 %, seven values each, evenly on a logarithmic scale.
+/// Values of c_L/c from 0.1 to 10 and of eps from 0.5 to 50 %: seven each, evenly spaced on a
+/// logarithmic scale.
 fn range() -> impl Iterator<Item = (f64, f64)> {
     let decades =
         |low: f64, high: f64| (0..7).map(move |i| low * (high / low).powf(f64::from(i) / 6.0));
     decades(0.1, 10.0).flat_map(move |ratio| decades(0.005, 0.5).map(move |eps| (ratio, eps)))
 }
 
-/// Runs `compare` over the range with and without noise; prints and returns the largest
-/// difference.
+/// Runs `compare` over the range of loads and stiffenings with and without noise; prints and
+/// returns the largest difference.
 fn largest_difference(
     ramps: &Ramps,
     drift: impl Fn(f64) -> f64,
@@ -109,9 +110,10 @@ fn as_maximum_likelihood_in_f64_at_low_noise() {
             let ours = fit(recording, Basis::with_drift(drift).unwrap(), Noise::Stated).unwrap();
             let ours = ours.load_ratio().unwrap();
             let best = maximum_likelihood(recording, &[&creep]);
-            // The two differ in second order of the noise, far below the error.
+            // The two estimates differ in second order of the noise, far less than their standard
+            // error.
             let errors = (f64::from(ours.standard_error) / best.standard_error - 1.0).abs();
-            // The weights omit the drift: standard errors are off by its size, 1.2 % here.
+            // The weights omit the drift, so standard errors are off by its size, 1.2 % here.
             assert!(errors < 0.012, "standard error off by {errors:e}");
             let apart = (f64::from(ours.value) - best.kappa).abs();
             (apart - 0.002 * best.standard_error).max(0.0) / best.kappa
@@ -140,7 +142,7 @@ fn long_runs_lose_nothing() {
 
 #[test]
 fn a_far_reference_loses_only_the_rounding_of_its_deviations() {
-    // All regressors absolute (g_ref = 0) and x_ref a fifth too low.
+    // All regressors are absolute (g_ref = 0), and x_ref is a fifth too low.
     let stack = Stack::equal(10.0, 0.005);
     let near = record(&stack, &Ramps::ONE, 1e-6, |_| 0.0, &mut Rng::new(3));
     let x_ref = near.reference.deformation().0;
@@ -169,7 +171,7 @@ fn two_samples_are_equation_2() {
             let g_ref = rng.between(0.2, 5.0) as f32;
             let x_ref = rng.between(1e-4, 1e-3) as f32;
             let first = [0.0, 0.0];
-            // The second state, off the exact solution as with noise.
+            // The second state, which noise moves off the exact solution.
             let h = (f64::from(g_ref) * (1.0 / (1.0 + eps) - 1.0)) as f32;
             let whole = 1.0 + 1.0 / ratio + f64::from(g_ref);
             let u = f64::from(x_ref) * (whole / (whole + f64::from(h)) - 1.0);
@@ -191,7 +193,8 @@ fn two_samples_are_equation_2() {
                 ramp.push(&sample).unwrap();
             }
             let kappa = ramp.fit(Noise::Stated).unwrap().load_ratio();
-            // Two samples of this noise may leave a soft signal doubtful: then there is no value.
+            // With noise, two samples of a soft load may leave the signal's sign in doubt: then
+            // there is no value.
             if let Ok(kappa) = kappa {
                 worst = worst.max(relative(stack.sensing / f64::from(kappa.value), closed));
             }

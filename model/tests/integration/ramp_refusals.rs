@@ -56,7 +56,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
         Some(RampRefusal::IllConditioned { term: 1 })
     );
 
-    // A regressor that only moves by its last digit counts as constant.
+    // A regressor that changes only in its last digit counts as constant.
     let mut ramp = Ramp::new(reference(), Basis::LINEAR);
     for i in 0..100 {
         let last_digit = f32::from_bits(0.1f32.to_bits() + i % 2);
@@ -67,12 +67,12 @@ fn a_constant_current_and_a_drift_like_the_signal() {
         Some(RampRefusal::IllConditioned { term: 1 })
     );
 
-    // c_D linear in time: a linear drift cannot be distinguished from it.
+    // If c_D is linear in time, a linear drift cannot be distinguished from it.
     let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     for i in 0..100 {
         let h = -0.1 * (1.0 - i as f32 / 99.0);
         let x = 9e-4 / (3.0 + h);
-        // The drift's column is phi/x, so phi/x must be linear in h.
+        // The column of the drift is phi/x, so here phi/x must be linear in h.
         let time = Second(h * x / 3e-4);
         ramp.push(&RampSample {
             time,
@@ -151,7 +151,7 @@ fn a_rigid_load_has_no_upper_bound() {
             Err(other) => panic!("{other:?}"),
         }
     }
-    // By chance 2.5 % each of the intervals lie wholly above or below kappa = 0.
+    // By chance, 2.5 % of the intervals are wholly above kappa = 0, and 2.5 % wholly below.
     println!("{open} of 400 open, {negative} negative");
     assert!(open >= 365 && negative <= 22);
 }

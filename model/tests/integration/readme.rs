@@ -1,8 +1,8 @@
-//! The README's table of disturbances equals the results of the plant and the estimator.
+//! The README's table of disturbances shows the results of the simulated plant and the estimator.
 
 const PAGE: &str = include_str!("../../README.md");
 
-/// Cells of the rows of a Markdown table.
+/// Cells of a Markdown table, row by row.
 fn cells(table: &str) -> Vec<Vec<String>> {
     let row = |line: &str| {
         line.trim_matches('|')

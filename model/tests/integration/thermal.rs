@@ -4,7 +4,7 @@ use crate::common::rng::Rng;
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::units::*;
 
-/// C_c, C_p, R_cp, R_pa of the reference plants.
+/// C_c, C_p, R_cp, R_pa of the reference plant: J/K and K/W.
 const PLANT: [f64; 4] = [0.8, 60.0, 0.5, 8.0];
 
 fn model(p: [f64; 4]) -> TwoNode {
@@ -84,7 +84,7 @@ fn a_step_is_the_solution_of_the_equations() {
             Celsius(22.0),
             Second(duration as f32),
         );
-        // The largest temperature difference involved, including that of the final state.
+        // The largest temperature difference involved, that to the final state included.
         let scale = 100.0 + power * (p[2] + p[3]);
         let error = (f64::from(ours.copper.0) - exact[0]).abs();
         worst = worst.max(error.max((f64::from(ours.pad.0) - exact[1]).abs()) / scale);
@@ -146,7 +146,7 @@ fn a_planned_pulse_is_bounded_closely_from_above() {
             Celsius(500.0),
         );
         let bound = f64::from(bound.unwrap().copper.0);
-        // Rounding of the temperatures themselves is 4e-6 K.
+        // The tolerance covers the rounding of the temperatures themselves, 4e-6 K.
         assert!(bound >= exact[0] - 2e-5, "{bound} {}", exact[0]);
         let of_heat = exact[0] - integrate(PLANT, start, |_| 0.0, ambient, duration, 4000)[0];
         let span = bound.max(start[0]).max(start[1]) - start[0].min(start[1]).min(ambient);

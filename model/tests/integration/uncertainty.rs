@@ -1,5 +1,5 @@
-//! The calibration's part of the uncertainty: each sensitivity against a ramp evaluated with a
-//! wrong calibration, in `f64`.
+//! Contributions of the calibration to the uncertainty: each is compared with a ramp evaluated with
+//! a wrong calibration, in `f64`.
 
 use crate::common::plant::{Ramps, Recording, Stack, record};
 use crate::common::reference::reciprocal_line;
@@ -8,7 +8,7 @@ use palpate_model::ramp::{LoadRatio, RampSample, Reference};
 use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint, coverage_factor};
 use palpate_model::units::Metre;
 
-/// Errors of the calibrated quantities: fractions, and metres for the zero.
+/// Errors of the calibrated quantities: relative, and in metres for the zero.
 #[derive(Clone, Copy, Default)]
 struct Wrong {
     sensing: f64,
@@ -21,7 +21,7 @@ struct Wrong {
 const RATIO: f64 = 0.7;
 const EPS: f64 = 0.10;
 
-/// The ratio c_S/c_L, with the true c_S, as found by the reference estimator under a wrong
+/// The ratio c_S/c_L, with the true c_S, that the reference estimator finds with a wrong
 /// calibration.
 fn kappa(wrong: Wrong) -> f64 {
     let stack = Stack {
@@ -48,7 +48,7 @@ fn kappa(wrong: Wrong) -> f64 {
     let g_ref = (c_s / c_d) as f32;
     let reference = Reference::new(truth.reference.deformation(), g_ref).unwrap();
     let found = reciprocal_line(&Recording { reference, samples }, &[]);
-    // c_L = c_S/kappa with the wrong c_S, in units of the true one.
+    // The wrong c_L is (1 + sensing) c_S/kappa; the ratio returned is the true c_S divided by it.
     found.kappa / (1.0 + wrong.sensing)
 }
 
@@ -85,7 +85,8 @@ fn each_sensitivity_is_that_of_a_wrong_calibration() {
         zero,
     } = all.budget((1.0 / RATIO) as f32, &point());
     let none = Wrong::default();
-    // Budget entry, wrong calibration, and sign according to the table.
+    // For each case: entry of the budget, wrong calibration, and sign according to the module's
+    // table.
     let cases = [
         ("c_S", sensing, Wrong { sensing: e, ..none }, 1.0),
         (
@@ -141,7 +142,7 @@ fn each_sensitivity_is_that_of_a_wrong_calibration() {
 
 #[test]
 fn five_percent_of_eps_is_thirteen_percent_of_the_stiffness() {
-    // Section 2 of the physics, at three equal springs.
+    // The case of section 2 of the physics, with three equal springs.
     let at = OperatingPoint {
         actuated_ratio: 1.0,
         rise: 0.0,
@@ -155,7 +156,7 @@ fn five_percent_of_eps_is_thirteen_percent_of_the_stiffness() {
     assert!((1.0 - 1.0 / (1.0 + up) - 0.13).abs() < 0.002);
 }
 
-/// A ratio with uncertainty from noise only.
+/// A ratio whose uncertainty comes from noise only.
 fn of_noise(value: f64, noise: f64) -> LoadRatio {
     let half = 1.96 * noise;
     LoadRatio {
@@ -168,7 +169,7 @@ fn of_noise(value: f64, noise: f64) -> LoadRatio {
 
 #[test]
 fn the_widened_interval_adds_in_squares_and_covers() {
-    // Normal errors of both kinds: the claim must cover 95 %.
+    // Both noise and calibration have normal errors: the widened interval must cover 95 %.
     let calibration = Calibration {
         stiffening: 0.02,
         zero: Metre(1e-6),
@@ -189,7 +190,7 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     let coverage = f64::from(covered) / f64::from(DRAWS);
     println!("coverage {coverage:.4}");
     assert!((coverage - 0.95).abs() < 0.007);
-    // Without an uncertainty nothing changes.
+    // Without calibration uncertainty, the ratio does not change.
     let ratio = LoadRatio {
         value: 1.0,
         standard_error: 0.1,
@@ -200,9 +201,9 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     assert!((same.low - 0.8).abs() < 1e-6 && (same.high - 1.3).abs() < 1e-6);
 }
 
-/// Fraction of the errors within `factor` standard errors, if the part `uniform` of the standard
-/// error comes from uniform errors and the rest is normal: the uniform errors one by one, the
-/// normal density by Simpson's rule.
+/// Fraction of the errors that are within `factor` standard errors. `uniform` is the standard
+/// deviation of the uniform errors divided by the standard error; all other errors are normal. The
+/// uniform errors are integrated in closed form, the normal density by Simpson's rule.
 fn within(factor: f64, uniform: f64) -> f64 {
     const STEPS: i32 = 400;
     let simpson = |from: f64, to: f64, of: &dyn Fn(f64) -> f64| {

@@ -23,7 +23,7 @@ fn chip_with(change: impl FnOnce(&mut Switches)) -> Chip<[f64; 4]> {
     Chip::new(with_switches(Settings::default(), change), [3e6; 4])
 }
 
-/// Time and bit times of one transaction of register reads at 400 kHz.
+/// Number of bit times, and time, of one transaction that reads these registers at 400 kHz.
 fn cost(registers: &[u8]) -> (u64, Time) {
     let rig = ChipRig::new(Settings::default(), [3e6; 4]);
     let mut buffers = vec![[0; 2]; registers.len()];
@@ -44,7 +44,7 @@ fn cost(registers: &[u8]) -> (u64, Time) {
 
 #[test]
 fn frames_cost_what_the_reference_counts() {
-    // reference ldc1614.md 6.1
+    // Published costs: reference ldc1614.md 6.1.
     assert_eq!(cost(&[0x7E]), (48, us(120)));
     assert_eq!(cost(&[0x00, 0x01]), (95, Time::from_ns(237_500)));
     assert_eq!(cost(&[0x18, 0x00, 0x01]), (142, us(355)));
@@ -265,14 +265,14 @@ fn an_early_termination_may_corrupt_what_follows() {
     for &early_termination in EarlyTermination::VARIANTS {
         let corrupts = early_termination == EarlyTermination::CorruptsFollowing;
         let mut chip = chip_with(|s| s.early_termination = early_termination);
-        // a write broken off after its high byte
+        // A write is broken off after its high byte.
         chip.start(T0, W);
         chip.write(T0, 0x08);
         chip.write(T0, 0x12);
         chip.stop(T0);
         assert_eq!(chip.misuse().early_terminations, 1);
         assert_eq!(chip.register(0x08), if corrupts { 0x1280 } else { 0x0080 });
-        // the next transaction is slipped by a bit, the one after it is not
+        // The next transaction is shifted by one bit, the one after it is not.
         let identity = |chip: &mut Chip<[f64; 4]>| {
             chip.start(T0, W);
             chip.write(T0, 0x7E);

@@ -13,7 +13,7 @@ fn convert<S: Sensors>(rig: &ChipRig<S>) -> TrueConversion {
     *rig.chip.borrow().last_conversion(0).expect("a conversion")
 }
 
-/// A single-channel rig on a slowly rising frequency, so that all phases occur.
+/// A single-channel rig whose sensor frequency rises slowly, so that all phases occur.
 fn sweep(
     settings: Settings,
     rcount: u16,
@@ -27,7 +27,7 @@ fn sweep(
     rig
 }
 
-/// Root mean square of the relative error of the word, over conversions of a sweep.
+/// Root mean square of the relative errors of the words of a sweep.
 fn rms_error(settings: Settings, rcount: u16, start_hz: f64) -> f64 {
     let rig = sweep(settings, rcount, start_hz, 1e-4 * start_hz);
     let count = 4_000;
@@ -43,8 +43,8 @@ fn rms_error(settings: Settings, rcount: u16, start_hz: f64) -> f64 {
 
 #[test]
 fn every_word_is_a_quotient_within_the_window() {
-    // 12 MHz and 3.19 MHz as in the recorded words of eddy-ng issue 3, whose N were 32 R - (16..28);
-    // 40 MHz and 4.37 MHz as on the Fly board, whose N were 32 R - (32..42).
+    // 12 MHz and 3.19 MHz as for the recorded words of eddy-ng issue 3, whose N were 16 to 28 below
+    // 32 R; 40 MHz and 4.37 MHz as on the Fly board, whose N were 32 to 42 below 32 R.
     for (clkin_hz, rcount, sensor_hz, gap, recorded) in [
         (12e6, 1512, 3.187e6, 12..=28, 16..=23),
         (12e6, 3049, 3.15e6, 12..=28, 18..=22),
@@ -86,8 +86,9 @@ fn odd_counts_occur_as_in_recorded_words() {
     }
 }
 
-/// The recorded words, as (reference in Hz, RCOUNT, word): eddy-ng issue 3 (as frequencies), 99,
-/// 107 and README. That of issue 105 is left out: its sensor is above a quarter of the reference.
+/// The recorded words, as (reference in Hz, RCOUNT, word): from eddy-ng issue 3 (posted as
+/// frequencies), 99, 107 and README. The word of issue 105 is left out: its sensor is above a
+/// quarter of the reference.
 const RECORDED: [(f64, u16, u32); 9] = [
     (12e6, 1512, 0x43F_D702),
     (12e6, 1512, 0x43F_D5A8),
@@ -107,7 +108,7 @@ fn the_model_can_produce_each_recorded_word_to_the_bit() {
             let settings =
                 with_switches(quiet(reference_hz), |switches| switches.counter = counter);
             let centre_hz = f64::from(word) / FULL_SCALE * reference_hz;
-            // ±60 ppm about the word, within 20 s
+            // The sensor sweeps ±60 ppm about the recorded word within 20 s.
             let rig = sweep(
                 settings,
                 rcount,
@@ -122,8 +123,8 @@ fn the_model_can_produce_each_recorded_word_to_the_bit() {
 
 #[test]
 fn a_constant_start_up_cannot_produce_them_all() {
-    // Reason for the term in sensor periods and for the uneven duty: with 7.25 clocks per gate and
-    // an even duty some of the recorded words cannot occur.
+    // Why the start-up contains sensor periods and the duty is uneven: with a start-up of 7.25
+    // clocks per gate and an even duty, some of the recorded words cannot occur.
     let missed = RECORDED
         .iter()
         .filter(|&&(reference_hz, rcount, word)| {
@@ -153,8 +154,8 @@ fn a_constant_start_up_cannot_produce_them_all() {
 
 #[test]
 fn quantisation_is_what_the_published_figures_say() {
-    // sigma_f/f = k/RCOUNT with k = 0.018 in the mean and 0.013 to 0.0255 by phase relation
-    // (reference ldc1614.md 0.1; SNOA944 figure 4 as quoted there).
+    // sigma_f/f = k/RCOUNT, where k is 0.018 in the mean and 0.013 to 0.0255 depending on the phase
+    // relation (reference ldc1614.md 0.1; SNOA944 figure 4 as quoted there).
     let mut sum = 0.0;
     let cases = [
         (12e6, 1512, 3.187e6),
@@ -180,7 +181,8 @@ fn quantisation_is_what_the_published_figures_say() {
 
 #[test]
 fn half_periods_are_quieter_by_root_two() {
-    // two edges sampled to half a clock instead of four to a whole one: 1/(16 sqrt 24) = 0.01276
+    // Two edges are sampled to half a clock instead of four to a whole one: 1/(16 sqrt 24) =
+    // 0.01276.
     let settings = with_switches(quiet(25e6), |switches| {
         switches.counter = Counter::HalfPeriods
     });
@@ -190,9 +192,9 @@ fn half_periods_are_quieter_by_root_two() {
 
 #[test]
 fn the_mean_word_of_a_dithered_sensor_is_true_to_a_fraction_of_a_clock() {
-    // Gates start and end on clock edges, so the first and the last edge of the sensor are not
-    // evenly distributed between ticks: a bias of a fraction of a clock in N that no averaging
-    // removes.
+    // Gates start and end at clock edges, so the times of the sensor's first and last edge are not
+    // evenly distributed between clock edges. This causes a bias of a fraction of a clock in N that
+    // no averaging removes.
     for sensor_hz in [2.6e6, 2.9e6, 3.187e6] {
         let rig = sweep(quiet(12e6), 1512, sensor_hz, 300.0);
         let count = 20_000;
@@ -210,7 +212,8 @@ fn the_mean_word_of_a_dithered_sensor_is_true_to_a_fraction_of_a_clock() {
 
 #[test]
 fn a_sensor_locked_to_the_reference_does_not_dither() {
-    // exactly a quarter of the reference's twelfth: the same edges in every conversion
+    // The sensor is at exactly a sixteenth of the reference, so every conversion has the same
+    // edges.
     let settings = with_switches(quiet(12e6), |switches| {
         switches.overhead = ldc161x_sim::Overhead::NONE;
     });
@@ -258,7 +261,7 @@ fn dividers_and_offset_follow_equation_6() {
 
 #[test]
 fn a_divided_sensor_is_quantised_alike() {
-    // FIN_DIVIDER 2: half as many, twice as long periods between the same two gates
+    // With FIN_DIVIDER 2 there are half as many periods, each twice as long, in the same two gates.
     let rig = ChipRig::new(quiet(40e6), |_: usize, time: f64| 6.0e6 + 100.0 * time);
     rig.prepare(0, 2500, 20);
     rig.write(0x14, 0x2001);
@@ -289,7 +292,7 @@ fn under_range_over_range_and_zero_count() {
         let conversion = convert(&rig);
         (rig.frame(0), conversion.errors)
     };
-    // offset 0x8000 is half the reference
+    // An offset of 0x8000 is half of the reference frequency.
     assert_eq!(
         word_of(2e6, 0x1001, 0x8000),
         ((0x8000, 0), Errors::UNDER_RANGE)
@@ -298,7 +301,7 @@ fn under_range_over_range_and_zero_count() {
         word_of(12e6, 0x1001, 0),
         ((0x4000, 0xFFF_FFFF), Errors::OVER_RANGE)
     );
-    // FIN_DIVIDER 0 is reserved: no edges
+    // FIN_DIVIDER 0 is reserved: no edges are counted.
     assert_eq!(word_of(2e6, 0x0001, 0), ((0, 0), Errors::ZERO_COUNT));
     assert_eq!(
         word_of(2e6, 0x0001, 1),
@@ -374,7 +377,8 @@ fn a_slow_deglitch_filter_spoils_the_count_silently() {
 
 #[test]
 fn a_moving_frequency_is_averaged_over_the_window() {
-    // 3 MHz with a vibration of 200 Hz and 5 kHz amplitude, against 1 ms windows
+    // A 3 MHz sensor that vibrates at 200 Hz with an amplitude of 5 kHz, measured in windows of 1
+    // ms.
     let wave = |_: usize, t: f64| 3e6 + 5e3 * (core::f64::consts::TAU * 200.0 * t).sin();
     let rig = ChipRig::new(Settings::ideal(), wave);
     rig.single(2500);
@@ -395,7 +399,7 @@ fn a_moving_frequency_is_averaged_over_the_window() {
 
 #[test]
 fn noise_is_white() {
-    // 10^-5 at 1 ms: twice that at 0.25 ms, half of it at 4 ms
+    // Noise of 10^-5 at 1 ms: twice as much at 0.25 ms, half as much at 4 ms.
     for (rcount, expected) in [(625, 2e-5), (2500, 1e-5), (10_000, 5e-6)] {
         let ideal = Settings::ideal();
         let settings = Settings {
@@ -421,7 +425,7 @@ fn noise_is_white() {
     }
 }
 
-/// M and N of a constant signal, from the definition of the two gates.
+/// M and N of a sensor with constant frequency, from the definition of the two gates.
 fn expected_counts(phase: f64, rate: f64, clocks: f64) -> (f64, f64) {
     let opening = 4.0 + 0.5 / rate;
     let gate = |phase: f64| {
@@ -430,15 +434,15 @@ fn expected_counts(phase: f64, rate: f64, clocks: f64) -> (f64, f64) {
         let tick = |edge: f64| ((edge - phase) / rate).floor();
         (last - first, tick(last) - tick(first))
     };
-    // the falling edge comes a fifth of a period after the rising one
+    // The falling edge comes a fifth of a period after the rising one.
     let (rising, falling) = (gate(phase), gate(phase + 0.8));
     (rising.0 + falling.0, rising.1 + falling.1)
 }
 
 #[test]
 fn the_phase_runs_on_between_conversions_of_a_single_channel() {
-    // One unknown initial phase must explain all following conversions, through the pauses of 11
-    // clocks between them, and also behind a divider.
+    // One unknown initial phase must explain all following conversions, across the pauses of 11
+    // clocks between them, and also with a divider.
     for (divider, sensor_hz) in [(1_u16, 3_171_933.0), (2, 5_171_933.0)] {
         let rig = ChipRig::new(quiet(40e6), [sensor_hz]);
         rig.single(300);
@@ -457,7 +461,8 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
             let mut off = 0.0;
             for &(sensor, reference) in &counted {
                 let (m, n) = expected_counts(phase, rate, 4800.0);
-                // an edge at a tick may fall on either side of it: the phase is known to 1/5000
+                // An edge that coincides with a clock edge may fall on either side of it: the phase
+                // is known to 1/5000 only.
                 off += if m == sensor {
                     (n - reference).abs()
                 } else {
@@ -474,7 +479,7 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
 #[test]
 fn each_activation_begins_with_a_phase_of_chance() {
     let rig = ChipRig::new(quiet(40e6), [4e6; 2]);
-    // exactly ten clocks per period: in a single channel every word would be equal
+    // Exactly ten clocks per sensor period: in single-channel mode all words would be equal.
     rig.autoscan(1, 100, 20);
     let words: std::collections::BTreeSet<u32> = (0..100).map(|_| convert(&rig).word).collect();
     let gaps: std::collections::BTreeSet<u64> =
@@ -501,7 +506,8 @@ fn what_pulls_the_oscillation_reaches_the_word() {
     let rig = ChipRig::new(Settings::ideal(), Pulled(Vec::new().into()));
     rig.single(2500);
     let conversion = convert(&rig);
-    // 16 * 2500 periods of 40 MHz are 1 ms: an eighth of a cycle less is 125 Hz.
+    // The conversion takes 16 * 2500 periods of 40 MHz, 1 ms: an eighth of a cycle less is 125 Hz
+    // less.
     assert!((conversion.oscillation_hz - (3e6 - 125.0)).abs() < 1e-6);
     assert_eq!(conversion.sensor_hz, 3e6);
     let reported_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;

@@ -6,7 +6,7 @@ use ldc161x_sim::{
     TrueConversion, amplitude_v, calibrated_code, drive_current_a,
 };
 
-/// A tank of 3 MHz with this loss resistance and quality factor.
+/// A 3 MHz resonator with this parallel loss resistance and quality factor.
 fn tank(parallel_resistance_ohm: f64, quality_factor: f64) -> Tank {
     let omega = core::f64::consts::TAU * 3e6;
     Tank {
@@ -109,7 +109,8 @@ fn a_step_of_the_drive_and_the_clamp_shift_the_frequency() {
 
 #[test]
 fn too_short_a_settling_shows_in_amplitude_and_frequency() {
-    // Q 100 at 3 MHz: time constant 10.6 us. Code 21 at 3.9 kohm: 1.70 V settled.
+    // With Q 100 at 3 MHz the time constant is 10.6 us. With code 21 and 3.9 kohm the settled
+    // amplitude is 1.70 V.
     let settings = Settings {
         drive: SensorDrive {
             settling_shift: -1e-3,
@@ -117,7 +118,7 @@ fn too_short_a_settling_shows_in_amplitude_and_frequency() {
         },
         ..Settings::ideal()
     };
-    // low-power activation, settling of 16*n/40 MHz
+    // Low-power activation, with a settling time of 16*n/40 MHz.
     for (settle, missing, errors) in [
         (26_u16, (-10.4_f64 / 10.61).exp(), Errors::AMPLITUDE_LOW),
         (84, (-33.6_f64 / 10.61).exp(), Errors::NONE), // Q/f = 33.3 us: datasheet equation 10
@@ -173,7 +174,7 @@ fn autoscan_settles_each_time() {
 #[test]
 fn automatic_calibration_finds_and_shows_the_code() {
     for resistance_ohm in [800.0, 3e3, 6.6e3, 20e3, 80e3] {
-        // as Klipper's LDC_CALIBRATE_DRIVE_CURRENT: CONFIG 0x0201
+        // CONFIG is 0x0201, as in Klipper's LDC_CALIBRATE_DRIVE_CURRENT.
         let rig = driven(quiet(40e6), [tank(resistance_ohm, 20.0)], 5, 0x0201);
         let code = calibrated_code(resistance_ohm);
         for _ in 0..3 {
@@ -191,7 +192,8 @@ fn automatic_calibration_finds_and_shows_the_code() {
             code
         );
         drop(chip);
-        // written back as IDRIVE with the override, the amplitude is right
+        // With the found code written back to IDRIVE and RP_OVERRIDE_EN set, the amplitude is
+        // right.
         rig.write(0x1A, 0x2001);
         rig.write(0x1E, u16::from(code) << 11);
         rig.write(0x1A, 0x1601);
@@ -239,7 +241,7 @@ fn init_idrive_is_read_only_and_zero_without_calibration() {
 
 #[test]
 fn high_current_drives_channel_0_of_a_single_channel_alone() {
-    // 400 ohm: 3.5 mA give 1.78 V, code 31 0.80 V
+    // With 400 ohm, 3.5 mA cause an amplitude of 1.78 V, and code 31 one of 0.80 V.
     let rig = driven(quiet(40e6), [tank(400.0, 20.0); 2], 31, 0x1641);
     assert!((first_conversion(&rig).amplitude_v - 1.78).abs() < 0.01);
     rig.write(0x1A, 0x3601);
@@ -253,7 +255,7 @@ fn high_current_drives_channel_0_of_a_single_channel_alone() {
 
 // ---- a sensor or a reference that falls silent ----
 
-/// 3 MHz, except for a silence from 20 ms to 50 ms.
+/// A frequency of 3 MHz, except for 20 ms to 50 ms, when the sensor is silent.
 fn interrupted(_: usize, time_s: f64) -> f64 {
     if (20e-3..50e-3).contains(&time_s) {
         0.0
@@ -278,7 +280,7 @@ fn zero_counts_precede_the_watchdog_in_single_channel_mode() {
         (0x1000, 0),
         "zero count shows as zero in DATA, with AE"
     );
-    // 5.2 ms after the last conversion with edges
+    // The watchdog acts 5.2 ms after the last conversion with edges.
     rig.wait(ms(5));
     let status = rig.read(0x18);
     assert_eq!(status & 0x0800, 0x0800, "WD");

@@ -36,7 +36,7 @@ fn a_partial_brown_out_changes_the_chosen_registers_alone() {
     rig.single(1000);
     rig.convert(0, 1);
     let done = rig.chip.borrow().conversions(0);
-    // RCOUNT0, ERROR_CONFIG and DRIVE_CURRENT0
+    // These registers are reset: RCOUNT0, ERROR_CONFIG and DRIVE_CURRENT0.
     let which = 1 << 0x08 | 1 << 0x19 | 1 << 0x1E;
     rig.for_time(T0, ChipFault::BrownOut(Lost::Registers(which)));
     assert_eq!(rig.read(0x08), 0x0080);
@@ -46,7 +46,7 @@ fn a_partial_brown_out_changes_the_chosen_registers_alone() {
     assert_eq!(rig.read(0x1A), 0x1601, "and it goes on converting");
     rig.wait(ms(2));
     assert!(rig.chip.borrow().conversions(0) > done);
-    // with CONFIG among them it falls asleep
+    // If CONFIG is among the registers that are reset, the chip falls asleep.
     rig.for_time(T0, ChipFault::BrownOut(Lost::Registers(1 << 0x1A)));
     assert!(!rig.chip.borrow().is_converting());
 }
@@ -77,7 +77,7 @@ fn an_upset_register_stays_upset() {
     assert_eq!(rig.read(0x08), 2500);
     rig.wait(ms(3));
     assert_eq!(rig.read(0x08), 2500 ^ 0x0400);
-    // the sleep bit of CONFIG puts it to sleep
+    // Flipping the sleep bit of CONFIG puts the chip to sleep.
     rig.for_time(
         T0,
         ChipFault::RegisterUpset {
@@ -86,7 +86,7 @@ fn an_upset_register_stays_upset() {
         },
     );
     assert!(!rig.chip.borrow().is_converting());
-    // and wakes it
+    // Flipping it again wakes the chip.
     rig.for_time(
         T0,
         ChipFault::RegisterUpset {

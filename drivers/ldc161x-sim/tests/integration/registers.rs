@@ -1,11 +1,12 @@
-//! The register file over the bus, against a table typed from the datasheet a second time.
+//! The register file as seen over the bus, compared with a table that was typed from the datasheet
+//! a second time.
 
 use crate::common::*;
 use ldc161x_sim::registers::{REGISTERS, describe};
 use ldc161x_sim::{ConfigReadback, Settings};
 
-/// (address, reset value, read-back after writing 0xFFFF, read-back after writing 0x0000). CONFIG
-/// is written with its sleep bit set both times. RESET_DEV resets and reads 0.
+/// (address, reset value, value read after writing 0xFFFF, value read after writing 0x0000). CONFIG
+/// is written with its sleep bit set both times. Writing RESET_DEV resets the chip; it reads as 0.
 const TABLE: [(u8, u16, u16, u16); 35] = [
     (0x00, 0, 0, 0),
     (0x01, 0, 0, 0),
@@ -84,7 +85,7 @@ fn there_is_nothing_at_the_other_addresses() {
 
 #[test]
 fn wrong_reserved_bits_are_noted_and_right_ones_are_not() {
-    // the register values of datasheet section 8.2.5
+    // These are the register values of datasheet section 8.2.5.
     let clean = [
         (0x08, 0x04D6),
         (0x10, 0x000A),

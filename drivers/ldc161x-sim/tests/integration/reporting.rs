@@ -113,7 +113,7 @@ fn which_reads_release_the_interrupt() {
             "DRDY goes with the pin"
         );
         assert!(!rig.intb_is_low(), "STATUS releases it in any case");
-        // and then the next conversion makes a new edge
+        // After that, the next conversion causes a new edge of INTB.
         let edges = rig.chip.borrow().interrupts();
         rig.convert(0, 1);
         assert_eq!(rig.chip.borrow().interrupts(), edges + 1);
@@ -157,7 +157,8 @@ fn an_overwritten_result_makes_no_new_edge_and_is_counted() {
     assert_eq!(chip.interrupts(), 1);
     assert_eq!(chip.overwritten(0), 3);
     drop(chip);
-    // a read of STATUS may clear UNREADCONV0, but does not prevent the overwriting
+    // A read of STATUS may clear UNREADCONV0, but it does not prevent the overwriting of the
+    // result.
     rig.read(0x18);
     rig.convert(0, 1);
     assert_eq!(rig.chip.borrow().overwritten(0), 4);
@@ -217,7 +218,7 @@ fn results_of_a_cycle_reach_data_one_by_one_or_together() {
         let first = rig.frame(0).1;
         rig.frame(1);
         assert_eq!(rig.chip.borrow().overwritten(0), 0);
-        // Channel 0 of the next cycle has ended, channel 1 has not.
+        // In the next cycle channel 0 has ended, channel 1 has not.
         rig.convert(0, 1);
         let newest = rig.chip.borrow().last_conversion(0).copied().unwrap();
         assert_ne!(newest.word, first);
@@ -226,7 +227,7 @@ fn results_of_a_cycle_reach_data_one_by_one_or_together() {
         assert_eq!(rig.chip.borrow().last_read(0) == Some(&newest), at_once);
         rig.convert(1, 1);
         assert_eq!(rig.frame(0).1, newest.word, "{overwrite:?}");
-        // Unread: the next cycle overwrites it when its own result is there.
+        // If the result is not read, the next cycle overwrites it when its own result is available.
         rig.convert(0, 2);
         let lost = if at_once { 1 } else { 0 };
         assert_eq!(rig.chip.borrow().overwritten(0), lost, "{overwrite:?}");
@@ -236,7 +237,7 @@ fn results_of_a_cycle_reach_data_one_by_one_or_together() {
 #[test]
 fn flags_in_data_are_cleared_by_reading_or_not() {
     for &flag_read in FlagRead::VARIANTS {
-        // code 20 at 3 kohm is 1.13 V: amplitude low
+        // Code 20 with 3 kohm gives an amplitude of 1.13 V, which is low.
         let rig = ChipRig::new(settings_with(|s| s.flag_read = flag_read), [3e6]);
         rig.single(2500);
         rig.write(0x1A, 0x3601);
@@ -275,7 +276,7 @@ fn flags_need_their_2out_bit_and_are_not_sticky() {
     }
 }
 
-/// An autoscan at 10 MHz with errors on channels 1 and 2: 1 is over-range, 2 silent.
+/// An autoscan at 10 MHz with errors on two channels: channel 1 is over-range, channel 2 is silent.
 fn erring(settings: Settings) -> ChipRig<impl Sensors> {
     let rig = ChipRig::new(settings, [3e6, 12e6, 0.0, 3e6]);
     rig.autoscan(3, 500, 100);
@@ -295,7 +296,7 @@ fn status_keeps_the_first_channel_with_an_error_until_it_is_read() {
         "channel 1, OR"
     );
     assert_eq!(rig.read(0x18) & 0xFF40, 0, "cleared by the read");
-    // channel 2 comes next only if STATUS has been read after channel 1
+    // The error of channel 2 is shown next only if STATUS has been read after that of channel 1.
     rig.convert(1, 1);
     rig.read(0x18);
     rig.convert(2, 1);

@@ -1,4 +1,5 @@
-//! For any bus traffic at any time: no panic, no hang, and the same bytes in a repetition.
+//! For any bus traffic at any time there is no panic and no hang, and a repetition gives the same
+//! bytes.
 
 use crate::common::*;
 use ldc161x_sim::{
@@ -208,7 +209,7 @@ proptest! {
 
 #[test]
 fn a_senseless_time_is_skipped_to() {
-    // the shortest possible conversions, and 213 days
+    // The chip has the shortest possible conversions and is to run for 213 days.
     let settings = with_switches(Settings::ideal(), |s| s.overhead = Overhead::NONE);
     let rig = ChipRig::new(settings, [3e6]);
     rig.single(9);

@@ -6,7 +6,7 @@ use ldc161x_sim::{
     TrueConversion,
 };
 
-/// 16384 / 43.4 MHz.
+/// Start-up time: 16384 / 43.4 MHz.
 const START_UP_S: f64 = 377.511_521e-6;
 
 fn last<S: Sensors>(rig: &ChipRig<S>, channel: u8) -> TrueConversion {
@@ -21,10 +21,10 @@ fn close(time: Time, seconds: f64) {
     assert!(error.abs() < 2e-9, "{time} instead of {seconds} s");
 }
 
-/// Time of the write that wakes the chip, at the end of its last byte.
+/// Wakes the chip; returns the time at which the last byte of that write ended.
 fn wake<S: Sensors>(rig: &ChipRig<S>, config: u16) -> f64 {
     rig.write(0x1A, config);
-    // a STOP bit of 2.5 us follows the byte
+    // The byte is followed by a STOP bit of 2.5 us.
     rig.now().as_secs_f64() - 2.5e-6
 }
 
@@ -36,7 +36,7 @@ fn the_first_conversion_waits_for_start_up_and_settling() {
     let woken = wake(&rig, 0x1601);
     rig.convert(0, 1);
     let first = last(&rig, 0);
-    // settling 16 * 100 / 40 MHz = 40 us; conversion 16 * 2500 / 40 MHz = 1 ms
+    // Settling takes 16 * 100 / 40 MHz = 40 us, the conversion 16 * 2500 / 40 MHz = 1 ms.
     close(first.start, woken + START_UP_S + 40e-6);
     close(first.end, woken + START_UP_S + 40e-6 + 1e-3);
     assert_eq!(rig.now(), first.end);
@@ -56,7 +56,7 @@ fn settle_counts_of_zero_and_one_take_32_clocks() {
 
 #[test]
 fn single_channel_intervals_have_the_overhead_of_the_switch() {
-    // 16 * 1512 = 24192 clocks of 12 MHz
+    // A conversion takes 16 * 1512 = 24192 clocks of 12 MHz, in addition to the overhead.
     for (overhead, interval_s) in [
         (Overhead::MEASURED, 24_203.0 / 12e6),
         (Overhead::EQUATION_7, 24_196.0 / 12e6),
@@ -82,7 +82,7 @@ fn the_grid_holds_for_ten_minutes() {
     rig.single(3049);
     rig.convert(0, 1);
     let first = last(&rig, 0).end;
-    // 48 795 clocks of 12 MHz are 4.06625 ms
+    // An interval is 48 795 clocks of 12 MHz, 4.06625 ms.
     let count = 147_556;
     rig.convert(0, count);
     let expected_ps = count * 4_066_250_000;
@@ -92,7 +92,8 @@ fn the_grid_holds_for_ten_minutes() {
 
 #[test]
 fn autoscan_dwells_on_each_channel() {
-    // dwell = settling 16*50 + conversion 16*(500 + 100 ch) clocks + 692 ns + 5 clocks, at 40 MHz
+    // Time per channel: settling of 16*50 clocks, conversion of 16*(500 + 100 ch) clocks, 692 ns
+    // and 5 clocks; at 40 MHz.
     let rig = ChipRig::new(quiet(40e6), [3e6; 4]);
     let dwell =
         |channel: u8| (800.0 + 16.0 * (500.0 + 100.0 * f64::from(channel)) + 5.0) / 40e6 + 692e-9;
@@ -128,7 +129,7 @@ fn each_channel_has_its_own_reference_divider() {
 
 #[test]
 fn sequences_by_part() {
-    // (RR_SEQUENCE, channels of an LDC1614, channels of an LDC1612)
+    // (RR_SEQUENCE, number of channels of an LDC1614, number of channels of an LDC1612)
     for (code, four, two) in [(0, 2, 2), (1, 3, 2), (2, 4, 2), (3, 2, 2)] {
         for (part, channels) in [(PartNumber::Ldc1614, four), (PartNumber::Ldc1612, two)] {
             let rig = ChipRig::new(
@@ -241,7 +242,7 @@ fn an_erring_and_drifting_clock_shows_in_intervals_and_words() {
         assert!((conversion.reference_hz - reference_hz).abs() < 1e-3);
         assert!((f64::from(conversion.word) - 268_435_456.0 * 3e6 / reference_hz).abs() < 0.51);
     }
-    // 10 000 intervals of 40 011 clocks, the clock 55 ppm fast in the middle
+    // 10 000 intervals of 40 011 clocks; half-way through, the clock is 55 ppm fast.
     let span = (late.end - early.end).as_secs_f64();
     let nominal = 10_000.0 * 40_011.0 / 40e6;
     assert!((span / nominal - 1.0 + 55e-6).abs() < 2e-7, "{span}");
@@ -279,7 +280,7 @@ fn next_event_is_where_the_interrupt_falls() {
     assert_eq!(chip.next_event(), None);
 }
 
-/// Violations counted for one conversion on channel 0.
+/// Violations of the datasheet that are counted for one conversion on channel 0.
 fn misuse(clkin_hz: f64, sensor_hz: f64, writes: &[(u8, u16)]) -> Misuse {
     let settings = Settings {
         internal_clock: InternalClock {
@@ -334,7 +335,7 @@ fn rules_of_table_43_are_watched() {
             "{sensor_hz} Hz, {dividers:#06x}"
         );
     }
-    // above 8.75 MHz undivided breaks a rule even with a reference that is fast enough
+    // An undivided sensor above 8.75 MHz breaks a rule even if the reference is fast enough.
     let noted = misuse(40e6, 9e6, &autoscan);
     assert_eq!(noted.sensor_too_fast, 1);
     for (register, value, reserved) in [

@@ -14,7 +14,7 @@ fn rig() -> ChipRig<[f64; 4]> {
 
 #[test]
 fn nack_after_each_number_of_bytes() {
-    // a register write is address, pointer, high, low
+    // A register write consists of address, pointer, high byte and low byte.
     for after_bytes in 0..4 {
         let rig = rig();
         let fault = rig.in_next(2, ChipFault::Nack { after_bytes });
@@ -44,7 +44,7 @@ fn nack_after_each_number_of_bytes() {
 
 #[test]
 fn nack_within_a_combined_read() {
-    // address, pointer, address again: the third byte is refused
+    // A read sends address, pointer, and the address again: this third byte is refused.
     let rig = rig();
     rig.in_next(1, ChipFault::Nack { after_bytes: 2 });
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
@@ -87,7 +87,7 @@ fn a_short_hold_of_sda_only_delays() {
 #[test]
 fn sda_stuck_amid_a_transfer_loses_arbitration_or_reads_zeros() {
     let rig = rig();
-    // within the high byte of a write: pointer byte ends at 47.5 us
+    // Starts within the high byte of a write: its pointer byte ends at 47.5 us.
     rig.schedule(FaultEvent::at(
         us(50),
         ChipFault::SdaStuck { clocks: None },
@@ -95,7 +95,7 @@ fn sda_stuck_amid_a_transfer_loses_arbitration_or_reads_zeros() {
     ));
     assert_eq!(rig.try_write(0x08, 0x1234), Err(I2cError::ArbitrationLoss));
     let rig = self::rig();
-    // within the data of a read, which begin at 72.5 us: the second byte is gone
+    // Starts within the data of a read, which start at 72.5 us: the second byte is lost.
     rig.schedule(FaultEvent::at(
         us(80),
         ChipFault::SdaStuck { clocks: None },
@@ -131,7 +131,7 @@ fn a_held_scl_times_out_at_the_deadline() {
     assert_eq!(error.kind(), ErrorKind::Other);
     assert!(rig.now() - start >= ms(2) && rig.now() - start < ms(3));
     rig.wait(ms(50));
-    // amid a transfer, and shorter than the deadline: it is stretched
+    // Starts within a transfer and is shorter than the deadline: the transfer is stretched.
     let begin = rig.now();
     rig.schedule(FaultEvent::at(begin + us(50), ChipFault::SclStuck, us(500)));
     assert_eq!(rig.read(0x7E), 0x5449);
@@ -145,7 +145,7 @@ fn one_bit(difference: u16) -> bool {
 #[test]
 fn bit_flips_strike_the_chosen_byte() {
     let flip = |path, strike| ChipFault::BitFlip { path, strike };
-    // read data
+    // A flip in a data byte that the chip sends.
     let rig = rig();
     rig.in_next(1, flip(Path::ReadData, Strike::Byte(0)));
     let read = rig.read(0x7E);
@@ -154,7 +154,7 @@ fn bit_flips_strike_the_chosen_byte() {
     rig.in_next(1, flip(Path::ReadData, Strike::Byte(1)));
     let read = rig.read(0x7E);
     assert!(one_bit(read ^ 0x5449) && read >> 8 == 0x54, "{read:#06x}");
-    // write data
+    // A flip in a data byte that the chip receives.
     rig.in_next(1, flip(Path::WriteData, Strike::Byte(1)));
     rig.write(0x08, 0x1234);
     let written = rig.read(0x08);
@@ -162,7 +162,7 @@ fn bit_flips_strike_the_chosen_byte() {
         one_bit(written ^ 0x1234) && written >> 8 == 0x12,
         "{written:#06x}"
     );
-    // pointer: another register is written
+    // A flip in the pointer: another register is written.
     rig.in_next(1, flip(Path::Pointer, Strike::Byte(0)));
     rig.write(0x09, 0x5555);
     assert_eq!(rig.read(0x09), 0x0080);
@@ -171,7 +171,7 @@ fn bit_flips_strike_the_chosen_byte() {
 
 #[test]
 fn bit_flips_can_be_counted_through_a_frame() {
-    // byte 2 of the four data bytes of a frame is the high byte of DATA0_LSB
+    // Byte 2 of the four data bytes of a frame is the high byte of DATA0_LSB.
     let rig = rig();
     rig.single(2500);
     rig.convert(0, 1);
@@ -201,7 +201,7 @@ fn bit_flips_by_chance_keep_to_their_probability() {
         },
     );
     let wrong = (0..5_000).filter(|_| rig.read(0x7E) != 0x5449).count();
-    // two bytes a read: 1 - 0.9^2 = 0.19
+    // A read has two bytes, each flipped with probability 0.1: 1 - 0.9^2 = 0.19.
     assert!((850..1_050).contains(&wrong), "{wrong} of 5000");
     let flipped = rig.chip.borrow().disturbances().flipped_bytes;
     assert!((900..1_100).contains(&flipped), "{flipped} of 10000");
@@ -235,7 +235,7 @@ fn an_early_stop_cuts_the_transaction() {
     );
     assert_ne!(rig.read(0x7E), 0x5449, "the next transaction is slipped");
     assert_eq!(rig.read(0x7E), 0x5449);
-    // amid a read: the line floats high
+    // Within a read: the line floats high afterwards.
     rig.in_next(1, ChipFault::EarlyStop { after_bytes: 4 });
     assert_eq!(rig.read(0x7E), 0x54FF);
 }
@@ -245,7 +245,7 @@ fn a_transaction_is_one_from_start_to_stop() {
     let rig = rig();
     rig.in_next(1, ChipFault::Nack { after_bytes: 5 });
     let (mut high, mut low) = ([0; 2], [0; 2]);
-    // S a p S a d d S <- the sixth byte that the master sends, and the eighth of all
+    // S a p S a d d S <- this is the sixth byte that the master sends, and the eighth of all.
     let outcome = rig.bus().transaction(
         ADDRESS,
         &mut [

@@ -1,4 +1,4 @@
-//! The asynchronous driver sends what the blocking one sends.
+//! The asynchronous driver sends exactly what the blocking one sends.
 #![cfg(feature = "async")]
 
 use crate::common::*;
@@ -20,7 +20,8 @@ fn start_frame_canary_and_recovery_are_the_same_on_the_wire() {
     .rate(Rate::PerSecond(1_000))
     .plan()
     .unwrap();
-    // 30 MHz: Q 50 at 2.9 MHz gives 32.3, so 33; 1873 as in the crate's example; 244 uA.
+    // At 30 MHz, Q 50 at 2.9 MHz requires a settle count of 32.3, so 33; RCOUNT 1873 as in the
+    // crate's example; drive current 244 uA.
     let settings = [
         (RCOUNT, 1_873),
         (OFFSET, 0),

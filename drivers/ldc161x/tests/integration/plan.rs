@@ -25,18 +25,18 @@ const AUTOSCAN: Plan = match Request::new(
 #[test]
 fn the_reference_board_is_planned_as_worked_out_by_hand() {
     let zero = AUTOSCAN.configuration.channel(Channel::Zero);
-    // Q 50 at 2.9 MHz: 50 x 40 / (16 x 2.9) = 43.1, rounded up.
+    // Settle count for Q 50 at 2.9 MHz: 50 x 40 / (16 x 2.9) = 43.1, rounded up.
     assert_eq!(zero.settle_count.get(), 44);
     assert_eq!(zero.dividers.to_bits(), 0x1001);
     assert_eq!(AUTOSCAN.configuration.deglitch, Deglitch::Mhz10);
-    // 2 ms / 4 = 500 us a channel = 20,000 periods; less 704 of settling, 5 and 27.7 of
-    // switching leaves 19,263.3 = 16 x 1203.95.
+    // 2 ms / 4 = 500 us per channel are 20,000 periods. Without 704 periods of settling, and 5 and
+    // 27.7 of switching, 19,263.3 = 16 x 1203.95 remain.
     assert_eq!(zero.rcount.get(), 1_203);
-    // 4 times 692 ns of switching and (44 + 1203) x 16 + 5 periods of 25 ns.
+    // Four channels of 692 ns of switching and (44 + 1203) x 16 + 5 periods of 25 ns.
     assert_eq!(AUTOSCAN.frame_period_ns, 1_998_468);
-    // 424 bit times at 400 kHz, STATUS included, and 10 us.
+    // 424 bit times at 400 kHz, STATUS included, and 10 us for the master's own delay.
     assert_eq!(AUTOSCAN.frame_read_ns, 1_070_000);
-    // 4 V RP I / pi <= 1.8 V at 5 kiloohm: 282.7 uA, so 244 uA.
+    // 4 V RP I / pi <= 1.8 V at 5 kiloohm allows 282.7 uA: the next lower code has 244 uA.
     assert_eq!(zero.drive.current_ua(), 244);
 }
 
@@ -78,7 +78,7 @@ fn fast_sensors_are_divided() {
     );
 }
 
-/// One request for each limit, with the text that names it.
+/// For each limit: a request that breaks it, and the text that names it.
 #[test]
 fn each_limit_is_refused_by_name() {
     let good = single(30_000_000);
@@ -252,12 +252,13 @@ fn every_plan_keeps_every_limit() {
             Err(_) => Ok(()),
         })
         .unwrap();
-    // The properties are not vacuous: a fair share of random requests can be planned.
+    // The properties are not vacuous: enough of the random requests can be planned.
     assert!(planned.get() > 2_000, "{}", planned.get());
     assert!(too_fast.get() > 1_000, "{}", too_fast.get());
 }
 
-/// Checks that the rate which a refusal calls possible is, and one frame a second more is not.
+/// Checks that the highest rate which a refusal names can be planned, and that one frame per second
+/// more cannot.
 fn check_most(request: &Request, most_per_second: u32) -> Result<(), TestCaseError> {
     let at = |rate| request.rate(Rate::PerSecond(rate)).plan();
     if most_per_second > 0 {
@@ -267,7 +268,7 @@ fn check_most(request: &Request, most_per_second: u32) -> Result<(), TestCaseErr
     Ok(())
 }
 
-/// Checks the limits of the datasheet, written down a second time.
+/// Checks the limits of the datasheet, which are written down here a second time.
 fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
     let (slowest, nominal, fastest) = match request.reference {
         ReferenceClock::External { hz } => (f64::from(hz), f64::from(hz), f64::from(hz)),
@@ -300,7 +301,7 @@ fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
         let q = f64::from(sensor.highest_quality_factor);
         prop_assert!(settle >= q * (fastest / reference_divider) / (16.0 * low) - 1e-9);
         prop_assert!(settle > 3.0 && settings.rcount.get() > 8);
-        // Six periods of the sensor in the shortest conversion.
+        // The shortest conversion has six periods of the sensor.
         let clocks = 16.0 * f64::from(settings.rcount.get());
         let period = input_divider / low * fastest / reference_divider;
         prop_assert!(clocks >= 6.0 * period - 1e-6, "{clocks} {period}");
@@ -336,14 +337,16 @@ fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
     prop_assert!(frame_s[1] >= read_s - 2e-9, "{} {}", frame_s[1], read_s);
     prop_assert!((plan.frame_period_ns as f64 - frame_s[0] * 1e9).abs() < 10.0);
     if let Rate::PerSecond(rate) = request.rate {
-        // The nominal clock is not slower than the slowest clock, for which the rate is guaranteed.
+        // The nominal clock is at least as fast as the slowest clock, for which the rate is
+        // guaranteed.
         prop_assert!(frame_s[0] <= 1.0 / f64::from(rate) + 2e-9);
     }
     Ok(())
 }
 
-/// Three registers of 47 bit times and a stop at 400 kHz take 355 us, the master 10 more: 2,739 a second.
-/// Without STATUS it is 247.5 us, or 4,040. A conversion of whole RCOUNT is 0.5 us longer.
+/// Three registers of 47 bit times and a stop at 400 kHz take 355 us, the master 10 us more: 2,739
+/// frames per second. Without STATUS it is 247.5 us, or 4,040 frames per second. A conversion of
+/// whole RCOUNT is 0.5 us longer.
 #[test]
 fn a_refusal_of_a_rate_says_what_is_possible() {
     for (status_reads, most) in [(true, 2_735..=2_739), (false, 4_030..=4_040)] {
@@ -364,7 +367,7 @@ fn a_refusal_of_a_rate_says_what_is_possible() {
     }
 }
 
-/// A sensor of 1 kHz has half a period in the 0.5 ms that the bus takes.
+/// In the 0.5 ms that the bus takes for a frame, a sensor of 1 kHz has half a period.
 #[test]
 fn a_conversion_holds_six_periods_of_a_slow_sensor() {
     let slow = single(40_000_000).sensor(Channel::Zero, Sensor::new(1_000, 2_000));

@@ -1,11 +1,11 @@
-//! Words as ratios of counts, against words of real boards and a brute-force search.
+//! Words as ratios of counts, compared with words of real boards and with a brute-force search.
 
 use ldc161x::{
     Code28, Hypothesis, PlausibilityCount, RatioOfSums, Rational, Rcount, Scale, Window,
 };
 use proptest::prelude::*;
 
-/// The posted words: clock in hertz, RCOUNT, word. The first five were posted as frequencies.
+/// The posted words, as (clock in hertz, RCOUNT, word). The first five were posted as frequencies.
 fn posted() -> Vec<(f64, u16, u32)> {
     let word = |hz: f64| (hz / 12e6 * 268_435_456.0).round() as u32;
     vec![
@@ -22,7 +22,7 @@ fn posted() -> Vec<(f64, u16, u32)> {
     ]
 }
 
-/// Tries every candidate in floating point, by the definition of the hypothesis.
+/// Tries every N of the window in floating point, by the definition of the hypothesis.
 fn brute_force(word: u32, rcount: u16, window: Window) -> (u32, u32, f64) {
     let full = 268_435_456.0;
     (window.lowest..=window.highest)
@@ -48,7 +48,7 @@ fn every_posted_word_is_a_ratio_within_the_published_window() {
     }
 }
 
-/// The counts were read by hand from the published table of posted words.
+/// The published counts were read by hand from the table of posted words.
 #[test]
 fn posted_words_have_the_published_counts() {
     for (rcount, word, m, n) in [
@@ -93,8 +93,8 @@ fn of_random_words_three_to_seven_in_a_thousand_fit() {
             "seed {seed}: {count:?}"
         );
         assert_eq!(count.hypothesis(), Hypothesis::Fails);
-        // The stated false-accept rate is the observed one, within five standard deviations of a
-        // count.
+        // The stated false-accept rate agrees with the observed one, within five standard
+        // deviations of a count.
         let difference = count.plausible as f32 - count.expected_by_chance;
         assert!(
             difference.abs() < 5.0 * count.expected_by_chance.sqrt(),
@@ -108,7 +108,7 @@ fn the_hypothesis_is_undecided_where_chance_would_do_as_well() {
     let mut count = PlausibilityCount::default();
     let mut random = Lcg(7);
     for _ in 0..100 {
-        // At the longest conversion more than a third of all random words fit.
+        // At the longest conversion more than a third of all random words are plausible.
         count.add(&Rational {
             false_accept: 0.6,
             plausible: Some(random.word() % 10 < 9),
@@ -122,7 +122,7 @@ fn exact() -> Rational {
     Rational::decode(Code28::new(0x440_9E8B).unwrap(), Rcount::new(1512).unwrap())
 }
 
-/// For words that are ratios, the sum of M over the sum of N is their exact mean.
+/// For words that are ratios of counts, the sum of M over the sum of N is their exact mean.
 #[test]
 fn the_ratio_of_sums_is_exact() {
     let mut sums = RatioOfSums::default();
@@ -138,12 +138,12 @@ fn the_ratio_of_sums_is_exact() {
     assert_eq!(sums.ratio(), Some(m as f64 / n as f64));
 }
 
-/// The mean over all phases of the stated quantisation is the published 1 / (sqrt(12) fREF tC).
+/// The mean of the stated quantisation over all phases is the published 1 / (sqrt(12) fREF tC).
 #[test]
 fn the_stated_sigma_averages_to_the_published_one() {
     let scale = Scale::undivided(40e6, Rcount::new(2500).unwrap());
     let steps = 10_000;
-    // From 4 to 5 reference periods in half a sensor period: covers every phase once.
+    // From 4 to 5 reference periods in half a sensor period: this covers every phase once.
     let mean_square: f64 = (0..steps)
         .map(|step| {
             let half_period = 4.0 + f64::from(step) / f64::from(steps);
@@ -170,7 +170,7 @@ proptest! {
         let full = 268_435_456.0;
         let residual = f64::from(word) - full * f64::from(ratio.m) / f64::from(ratio.n);
         prop_assert!((f64::from(ratio.residual_lsb) - residual).abs() < 1e-4 * residual.abs() + 1e-5);
-        // If two candidates are equally near, either may be chosen.
+        // If two candidates for N are equally near, either may be chosen.
         prop_assert!((residual.abs() - best.abs()).abs() < 0.01 * best.abs() + 1e-3);
     }
 
@@ -190,8 +190,8 @@ proptest! {
     }
 }
 
-/// Below 1/37 of the reference N may lie outside the window that is searched: the words of such a
-/// sensor are not called corrupt, and do not count.
+/// For sensors below 1/37 of the reference, N may lie outside the window that is searched: the
+/// words of such a sensor are neither called corrupt nor counted.
 #[test]
 fn words_of_slow_sensors_are_not_judged() {
     let rcount = Rcount::new(2500).unwrap();

@@ -1,4 +1,5 @@
-//! Traffic on the wire in every mode, against a map typed independently.
+//! Bus traffic of the driver in every mode, compared with a register map that was typed
+//! independently.
 
 use crate::common::*;
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
@@ -33,7 +34,8 @@ fn configuration(acquisition: Acquisition) -> Configuration {
     }
 }
 
-/// The same settings as hexadecimal numbers, worked out by hand from the datasheet's bit tables.
+/// The same settings as `configuration`, as hexadecimal numbers that were worked out by hand from
+/// the datasheet's bit tables.
 fn channel_words(channel: u8) -> Vec<(u8, u16)> {
     let dividers = [0x1003, 0x2005, 0x3007, 0x4009];
     let drives = [0x8800, 0x9000, 0x9800, 0xA000];
@@ -47,7 +49,7 @@ fn channel_words(channel: u8) -> Vec<(u8, u16)> {
     ]
 }
 
-/// CONFIG asleep and awake, channels, MUX_CONFIG of every mode.
+/// For every mode: CONFIG asleep, CONFIG awake, channels, MUX_CONFIG.
 const MODES: [(Acquisition, u16, u16, &[u8], u16); 7] = [
     (
         Acquisition::Single(Channel::Zero),
@@ -143,7 +145,7 @@ fn a_frame_is_one_transaction_with_msb_before_lsb() {
             let expected = 0x0240_9E8B + 0x1_0001 * u32::from(*n);
             assert_eq!(reading.word.code().get(), expected);
             assert_eq!(reading.quality(), Quality::AfterGap);
-            // Frequency by the datasheet's Equation 6 with this test's own numbers.
+            // Expected frequency by the datasheet's Equation 6, with this test's own numbers.
             let reference = 40e6 / f64::from(3 + 2 * n);
             let offset = f64::from(0x1100 + u16::from(*n)) / 65_536.0;
             let ratio = f64::from(expected) / 268_435_456.0 + offset;
@@ -260,7 +262,7 @@ fn words_read_twice_have_to_agree() {
     let (acquisition, asleep, awake, channels, mux) = MODES[0];
     let mut expected = start(asleep, awake, &settings(channels, mux));
     expected.extend(frame(&[(0, 0x0140), (1, 0x9E8B), (0, 0x0140), (1, 0x9E8B)]));
-    // The first read clears the flags: only the codes are compared.
+    // The first read clears the flags in the chip, so only the codes of both reads are compared.
     expected.extend(frame(&[(0, 0x1140), (1, 0x9E8B), (0, 0x0140), (1, 0x9E8B)]));
     expected.extend(frame(&[(0, 0x0140), (1, 0x9E8B), (0, 0x0141), (1, 0x9E8B)]));
     let (i2c, mut check) = bus(&expected);
@@ -300,7 +302,7 @@ fn a_register_that_does_not_take_its_value_is_named() {
     let (_, asleep, awake, channels, mux) = MODES[0];
     let healthy = start(asleep, awake, &settings(channels, mux));
     let words = settings(channels, mux);
-    // The read-backs asleep follow identity, CONFIG twice, and the writes.
+    // The read-backs during sleep follow the identity, two transfers of CONFIG, and the writes.
     for (index, (register, value)) in words.iter().enumerate() {
         let at = 4 + words.len() + index;
         let mut expected = healthy[..at].to_vec();
@@ -328,7 +330,7 @@ fn registers_lost_on_waking_are_found_before_the_first_frame() {
     let (_, asleep, awake, channels, mux) = MODES[0];
     let healthy = start(asleep, awake, &settings(channels, mux));
     let words = settings(channels, mux);
-    // The last comparison comes after this: all registers, CONFIG, and STATUS.
+    // After this point only the last comparison follows: all registers, CONFIG, and STATUS.
     let at = healthy.len() - words.len() - 2;
     let mut expected = healthy[..at].to_vec();
     expected.push(read(RCOUNT, 0x0080));
@@ -447,7 +449,7 @@ fn canaries_go_round_all_registers_and_confirm_the_frames_before() {
     chip.set_interrupt_release(InterruptRelease::ByData);
     chip.start(&configuration(acquisition)).unwrap();
     let number = chip.read_frame().unwrap().number;
-    // The current round started before the frame: it confirms nothing about it.
+    // The current round started before the frame was read, so it confirms nothing about that frame.
     for _ in &words {
         assert_eq!(chip.check_canary().unwrap().confirmed, None);
     }
@@ -467,7 +469,7 @@ fn after_a_failed_transfer_the_identity_is_asked_before_the_next_frame() {
     let mut expected = start(asleep, awake, &settings(channels, mux));
     let error = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
     expected.extend([read(0, 0x0140), read(1, 0)]);
-    // The flags of this word were lost with the answer that did not arrive.
+    // The chip cleared the flags of this word, but its answer did not arrive: the flags are lost.
     expected.extend([read(0, 0x0140), read(1, 0).with_error(error)]);
     expected.extend(identity());
     expected.push(read(CONFIG, awake));
@@ -475,7 +477,7 @@ fn after_a_failed_transfer_the_identity_is_asked_before_the_next_frame() {
     expected.extend([read(0, 0x0140), read(1, 2)]);
     let (i2c, mut check) = bus(&expected);
     let mut chip = Ldc161x::new(i2c, Model::Ldc1612, Address::AddrLow);
-    // The mock cannot fail within a transaction.
+    // The mock cannot let a transfer fail within a transaction.
     chip.set_access(BusAccess::RegisterPerTransaction);
     chip.set_interrupt_release(InterruptRelease::ByData);
     chip.start(&configuration(acquisition)).unwrap();
@@ -511,7 +513,7 @@ fn drive_calibration_reads_what_the_chip_found_and_programs_it() {
             .iter()
             .map(|(register, value)| read(*register, *value)),
     );
-    // RP_OVERRIDE_EN and AUTO_AMP_DIS off.
+    // RP_OVERRIDE_EN and AUTO_AMP_DIS are off in this value of CONFIG.
     expected.extend([write(CONFIG, 0x0201), read(CONFIG, 0x0201)]);
     expected.extend([read(0x1E, 0x8800 | 21 << 6), read(0x1F, 0x9000 | 1 << 6)]);
     expected.extend(start(asleep, awake, &after));

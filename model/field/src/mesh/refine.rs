@@ -11,7 +11,7 @@ use super::{Mesh, Triangle, ascending};
 use crate::geometry::distance;
 
 impl Mesh {
-    /// Turns every triangle counterclockwise, with its longest edge first.
+    /// Puts the vertices of every triangle in counterclockwise order, with its longest edge first.
     pub(super) fn orient(&mut self) {
         self.orient_from(0);
     }

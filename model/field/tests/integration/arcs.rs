@@ -10,7 +10,7 @@ use palpate_field::geometry::shape::Shape;
 use palpate_field::solve::{Accuracy, Excitation, Solved, integrate, solve};
 use proptest::prelude::*;
 
-/// Bodies of mu_r 3.7 in a field of 1 mT.
+/// A design with bodies of mu_r 3.7 in a background field of 1 mT.
 fn design(core: &str, bodies: &[&str]) -> Result<Design, String> {
     let body = |(index, shape): (usize, &&str)| {
         format!("[[body]]\nname = \"{index}\"\nmaterial = \"m\"\n{shape}\n")
@@ -34,11 +34,12 @@ fn solved(design: &Design) -> Solved {
     solve(design, &Excitation::saturating(design, 1.0), &accuracy).expect("a field")
 }
 
-/// The result equals that of the spheroid, and the closed form 3 mu/(mu + 2) B0.
+/// A sphere drawn with arcs gives the result of the spheroid, and of the closed form 3 mu/(mu + 2)
+/// B0.
 #[test]
 fn a_sphere_of_arcs_is_a_sphere() {
     let spheroid = "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }";
-    // Arcs of other lengths, and through other points.
+    // The same sphere drawn with arcs of other lengths, through other points.
     let three = "shape = { outline = [[0, -10], { through = [6, -8] }, [8, -6], { through = [10, 0] }, \
                  [6, 8], { through = [\"10 * 5 / 13\", \"10 * 12 / 13\"] }, [0, 10]] }";
     let figures = |shape: &str| solved(&design(CORE, &[shape]).expect("a design")).figures;
@@ -58,8 +59,8 @@ fn a_sphere_of_arcs_is_a_sphere() {
     }
 }
 
-/// A shell and the ball that fills it: their arcs belong to one circle, drawn through different
-/// points.
+/// A shell, and the ball that fills it: their arcs belong to one circle, but are drawn through
+/// different points.
 #[test]
 fn arcs_of_one_circle_fit_each_other() {
     let shell = "shape = { outline = [[0, -10], { through = [10, 0] }, [0, 10], [0, 7], \
@@ -79,7 +80,7 @@ fn arcs_of_one_circle_fit_each_other() {
     );
 }
 
-/// A ring of round wire has the volume 2 pi^2 R a^2; with flats and fillets less.
+/// A ring of round wire has the volume 2 pi^2 R a^2; with flats and fillets it has less.
 #[test]
 fn the_mesh_has_the_volume_of_the_outline() {
     let ring =
@@ -159,8 +160,8 @@ fn outlines_that_make_no_sense_are_refused() {
     }
 }
 
-/// A star of lines and arcs about the origin: distance of each corner, and bulge of the arc to the
-/// next corner.
+/// A star of lines and arcs about the origin; each corner is given by its distance and by the bulge
+/// of the arc to the next corner.
 fn star(corners: &[(f64, f64)]) -> Vec<Path> {
     let count = corners.len();
     let at = |k: usize| {
@@ -180,8 +181,8 @@ fn star(corners: &[(f64, f64)]) -> Vec<Path> {
     (0..count).flat_map(side).collect()
 }
 
-/// Whether a polygon winds about a point an odd number of times, by the angles of its sides as seen
-/// from the point.
+/// Whether a polygon winds about a point an odd number of times, from the angles of its sides as
+/// seen from the point.
 fn winds_about(polygon: &[Point], point: Point) -> bool {
     let angle = |corner: &Point| (corner[1] - point[1]).atan2(corner[0] - point[0]);
     let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
@@ -196,7 +197,7 @@ fn winds_about(polygon: &[Point], point: Point) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Area and inside of an outline with arcs equal those of a polygon of many short sides along
+    /// An outline with arcs has the area and the inside of a polygon with many short sides along
     /// it.
     #[test]
     fn an_outline_is_its_fine_polygon(

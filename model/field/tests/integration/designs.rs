@@ -28,13 +28,13 @@ fn every_design_reaches_its_accuracy() {
             errors.core_mean_t <= 1e-4 * figures.core_mean_t,
             "{name}: {errors:?}"
         );
-        // The halves attract, and both methods agree.
+        // The halves attract each other, and both methods give the same force.
         let force = figures.force_n / figures.force_by_stress_n - 1.0;
         assert!(
             figures.force_n > 0.0 && force.abs() < 5e-3,
             "{name}: force by {force:e}"
         );
-        // Work of the currents is twice the energy of the field, in all of space.
+        // The work of the currents is twice the energy of the field in all of space.
         let energy = solved.energy_j() / (0.5 * solved.work_j(&design)) - 1.0;
         assert!(energy.abs() < 1e-5, "{name}: {energy:e}");
     }
@@ -56,8 +56,8 @@ fn named(figures: &Figures) -> [(&'static str, f64); 10] {
     ]
 }
 
-/// The estimate of every figure has to cover the result of a far finer mesh of higher order. At
-/// these accuracies single figures may stay constant by chance.
+/// The estimated error of every figure has to cover its difference from a far finer mesh of higher
+/// order. At these accuracies single figures may stay constant by chance.
 #[test]
 fn the_estimates_cover_the_errors() {
     estimates_cover_errors(&[("A", 1e-4), ("C1in", 3e-5)]);
@@ -92,13 +92,13 @@ fn estimates_cover_errors(designs: &[(&str, f64)]) {
         let mean = coarse.figures.core_mean_t / fine.core_mean_t - 1.0;
         assert!(mean.abs() <= relative, "{name}: {mean:e}");
         if name == "C1in" {
-            // A mesh graded towards the corners gives 7.66 mT/A.
+            // A mesh that is graded towards the corners gives 7.66 mT/A.
             assert!((coarse.figures.plate_max_t / 7.66e-3 - 1.0).abs() < 0.03);
         }
     }
 }
 
-/// A plate with this outline above two rings.
+/// A design with a plate of this outline above two rings.
 fn plate_above_rings(outline: &str, upper_sense: &str) -> Design {
     let ring = |x: f64, sense: &str| {
         let to = x + 1.0;
@@ -117,7 +117,7 @@ fn plate_above_rings(outline: &str, upper_sense: &str) -> Design {
     Design::parse("x.toml", &text).expect("a design")
 }
 
-/// Cones, polygons about the axis and opposed coils take no more unknowns than other designs.
+/// Cones, polygons about the axis and opposed coils need no more unknowns than other designs.
 #[test]
 fn tips_on_the_axis_and_fields_of_zero_are_no_burden() {
     let ball: Vec<[f64; 2]> = (0..20)
@@ -163,8 +163,8 @@ fn an_accuracy_that_is_not_reached_is_reported() {
     assert!(!solved.report.reached && solved.relative_error() > 1e-4);
 }
 
-/// Profiles have the requested accuracy wherever they run, except near corners: near copper and
-/// plates too.
+/// Profiles have the requested accuracy wherever they run except near corners, also near copper and
+/// plates.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn profiles_along_and_across() {
@@ -213,7 +213,7 @@ fn profiles_reach_their_accuracy(name: &str) {
         };
         points.iter().filter(far).map(miss).fold(0.0, f64::max)
     };
-    // The refinement along the points is the reason.
+    // Before the refinement along the points the error is larger.
     assert!(worst(&solved) > 1e-2, "{name}: {:e}", worst(&solved));
     let solved = solved.sharpened(&design, &points, 5e-3).expect("a field");
     assert!(worst(&solved) < 1e-2, "{name}: {:e}", worst(&solved));
@@ -272,7 +272,7 @@ fn a_design_mirrors_itself() {
 
 #[test]
 fn saturation() {
-    // From a program with another method: 64 and 137 mT at 10 A.
+    // Published values at 10 A, computed by another program with another method: 64 and 137 mT.
     for (name, centre_t) in [("backplates", 0.064), ("pot", 0.137)] {
         let design = builtin(name).expect("built in");
         let excitation = Excitation::saturating(&design, 10.0);
@@ -300,7 +300,8 @@ fn derivatives_by_the_current_at_saturation() {
     let found = at(25.0).by_current(&design).expect("derivatives");
     let apart = at(26.0).figures.less(&at(24.0).figures).scaled(0.5);
     for ((figure, found), (_, apart)) in named(&found).into_iter().zip(named(&apart)) {
-        // Meshes differ, and so do figures that hardly change with the current.
+        // The meshes differ, and so do figures that hardly change with the current: only these are
+        // compared.
         if ["centre", "core mean", "linkage", "force"].contains(&figure) {
             assert!(
                 (found / apart - 1.0).abs() < 0.02,
@@ -319,7 +320,7 @@ fn resistance_of_the_paper_s_coils() {
 /// The force equals the change of the energy with the gap, from solutions at two other gaps.
 #[test]
 fn force_by_moving_the_boards() {
-    // Without a body: the force acts on the copper alone.
+    // Without a body, so that the force acts on the copper alone.
     let text = builtin_text("air").expect("built in");
     let energy = |gap: f64| {
         let design = Design::parse(

@@ -7,9 +7,9 @@ use num_complex::Complex64;
 
 pub(crate) const MU_0: f64 = 4e-7 * PI;
 
-/// J₁: from 25 on Hankel's expansion, off by less than 1e-9 (Abramowitz and Stegun 9.2.5); below 25
-/// Bessel's own integral, for which the trapezoidal rule is exact to rounding with more
-/// than x points.
+/// J₁(x). From x = 25 on it is Hankel's expansion, off by less than 1e-9 (Abramowitz and Stegun
+/// 9.2.5); below 25 it is Bessel's own integral, for which the trapezoidal rule is exact to
+/// rounding with more than x points.
 fn j1(x: f64) -> f64 {
     if x > 25.0 {
         let y = (8.0 * x).powi(-2);
@@ -42,7 +42,7 @@ fn simpson([from, to]: [f64; 2], panels: u32) -> impl Iterator<Item = (f64, f64)
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ring {
     pub(crate) r_m: [f64; 2],
-    /// Lower and upper end above the plate, m.
+    /// Lower and upper end of the coil above the plate, m.
     pub(crate) above_m: [f64; 2],
     pub(crate) turns: f64,
 }
@@ -56,18 +56,18 @@ pub(crate) struct Plate {
     pub(crate) thickness_m: f64,
 }
 
-/// A ring in wave numbers: α, its weight, and (∫ r J₁(αr) dr/α)².
+/// Spectrum of a ring: for each wave number α, its weight and (∫ r J₁(αr) dr/α)².
 pub(crate) struct Spectrum {
     ring: Ring,
     waves: Vec<[f64; 3]>,
 }
 
 impl Spectrum {
-    /// Share of a coil's own inductance in waves beyond the last one.
+    /// Fraction of a coil's own inductance that waves beyond the last wave number contribute.
     pub(crate) const LEFT_OUT: f64 = 1e-6;
 
-    /// Spectrum up to 100 over the section's shorter side or the height: the reflection of a plate
-    /// has no waves beyond.
+    /// Spectrum up to the wave number 100 divided by the section's shorter side or the height: a
+    /// plate reflects no waves beyond.
     pub(crate) fn of(ring: Ring) -> Self {
         let [width, height] = [ring.r_m, ring.above_m].map(|[from, to]| to - from);
         let along = |alpha: f64| simpson(ring.r_m, 48).map(move |(r, w)| w * r * j1(alpha * r));
@@ -114,7 +114,7 @@ impl Spectrum {
 }
 
 impl Plate {
-    /// Reflected share of a wave e^(−αz) J₁(αr).
+    /// Fraction of a wave e^(−αz) J₁(αr) that the plate reflects.
     fn reflection(&self, alpha: f64, omega: f64) -> Complex64 {
         let mu_r = self.mu_r * Complex64::new(1.0, -self.loss_tangent);
         let inside =

@@ -14,7 +14,7 @@ fn design(folder: &str, drawing: &str) -> Result<Design, String> {
     design_of(folder, drawing, "layer = \"ball\"")
 }
 
-/// The same ball with further text beside the drawing's name.
+/// The same ball as in `design`; `beside` is further text after the drawing's name.
 fn design_of(folder: &str, drawing: impl AsRef<[u8]>, beside: &str) -> Result<Design, String> {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
     fs::create_dir_all(&folder).expect("a folder");
@@ -28,8 +28,8 @@ fn design_of(folder: &str, drawing: impl AsRef<[u8]>, beside: &str) -> Result<De
     Design::parse(&file, &text).map_err(|error| error.to_string())
 }
 
-/// A drawing as programs write it: header, tables, entities; here with one group per line, its code
-/// and its value.
+/// A drawing as programs write it, with header, tables and entities. In the arguments, each line is
+/// one group: its code and its value.
 fn drawing(unit: &str, entities: &str) -> String {
     let groups = format!(
         "0 SECTION\n2 HEADER\n9 $ACADVER\n1 AC1015\n9 $INSUNITS\n70 {unit}\n0 ENDSEC\n\
@@ -39,7 +39,7 @@ fn drawing(unit: &str, entities: &str) -> String {
     ended(&groups, "\r\n")
 }
 
-/// The groups as lines of a file with the line ending `end`.
+/// The text of a drawing with these groups and the line ending `end`.
 fn ended(groups: &str, end: &str) -> String {
     let group = |group: &str| {
         let (code, value) = group.split_once(' ').unwrap_or((group, ""));
@@ -56,7 +56,8 @@ fn half_circle(radius: f64) -> String {
     )
 }
 
-/// The outline is open along the axis, in millimetres, metres, inches, and in the design's unit.
+/// The outline is open along the axis; it is drawn in millimetres, metres, inches, and in the
+/// design's unit.
 #[test]
 fn a_drawn_ball_is_a_sphere() {
     for (unit, radius) in [("4", 10.0), ("6", 0.01), ("1", 10.0 / 25.4), ("0", 10.0)] {
@@ -121,7 +122,7 @@ fn a_polyline_is_its_lines_and_arcs() {
     for (index, entities) in slot().iter().enumerate() {
         is_slot(&shape(&format!("slot-{index}"), &entities.concat()));
     }
-    // A circle, with entities in paper space or on another layer.
+    // A circle, and entities in paper space or on another layer, which are ignored.
     let more = "0 LINE\n8 ball\n67 1\n10 0\n20 0\n11 9\n21 9\n0 SPLINE\n8 notes\n0 CIRCLE\n8 ball\n10 20\n20 0\n40 2\n";
     let circle = shape("circle", more);
     assert!((circle.area_m2() / (4e-6 * std::f64::consts::PI) - 1.0).abs() < 1e-9);
@@ -154,7 +155,7 @@ fn drawings_that_make_no_outline_are_refused() {
     let [parts, _] = slot();
     let all = parts.concat();
     let line = "0 LINE\n8 ball\n10 9\n20 2\n11 9\n21 4\n";
-    // 18 groups precede the first entity: its name is on line 38.
+    // 18 groups precede the first entity, so its name is on line 38.
     for (entities, line, problem) in [
         (
             "0 SPLINE\n8 ball\n".to_owned(),
@@ -252,7 +253,7 @@ fn drawings_that_make_no_outline_are_refused() {
     );
 }
 
-/// The message names a gap with its size, also if the outline is open along the axis.
+/// The message states the size of a gap, also if the outline is open along the axis.
 #[test]
 fn a_gap_is_named_with_its_size() {
     let arc =
@@ -295,8 +296,8 @@ fn the_design_overrides_the_unit_of_a_drawing() {
             "{summary}"
         );
     }
-    // A rejected design states it too: with another unit its parts overlap, or there is none in the
-    // core.
+    // The message of a rejected design states the unit too: a wrong unit may make parts overlap, or
+    // leave the core empty.
     let plate = "layer = \"ball\" }\n[[plate]]\nname = \"p\"\nmaterial = \"none\"\nshape = { r = [0.0, 1.0], x = [0.0, 1.0]";
     let refused = design_of("unit", &drawing, plate).expect_err("no material");
     assert!(refused.contains(said), "{refused}");
@@ -441,7 +442,7 @@ fn drawings_of_other_programs() {
             continue;
         }
         let (group, words) = expected.split_once(": ").expect("a group");
-        // The value of the last such group.
+        // The line of the value of the last group with this code.
         let line = groups.lines().collect::<Vec<_>>();
         let line = line.iter().rposition(|line| *line == group);
         let line = line.map_or(1, |index| 2 * index + 2);

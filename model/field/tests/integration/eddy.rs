@@ -10,7 +10,7 @@ use palpate_field::solve::{AcCoil, AcSolved, Accuracy, Excitation, solve, solve_
 
 use crate::dodd_deeds::{MU_0, Plate, Ring, Spectrum};
 
-/// The coil's radii and its ends above the plate, m, and its turns.
+/// The coil's radii, its lower and upper end above the plate, m, and its turns.
 const R_M: [f64; 2] = [4e-3, 7e-3];
 const ABOVE_M: [f64; 2] = [1e-3, 2.5e-3];
 const TURNS: f64 = 50.0;
@@ -80,7 +80,7 @@ fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
         loss_tangent: 0.05,
         thickness_m: 2e-3,
     };
-    // The skin depth of 2 um is far below the thickness: currents flow in the surface.
+    // The skin depth of 2 um is far below the thickness, so the currents flow in the surface.
     let permalloy = Plate {
         conductivity: 1.8e6,
         mu_r: 1e4,
@@ -129,7 +129,7 @@ fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
     }
 }
 
-/// With a skin depth δ far below all distances the plate is a mirror at the depth δ/2.
+/// With a skin depth δ far below all distances, the plate acts as a mirror at the depth δ/2.
 #[test]
 fn the_image_of_a_coil_stands_behind_a_perfect_conductor() {
     let depth = 20e-6;
@@ -177,7 +177,7 @@ fn a_current_that_hardly_alternates_is_a_constant_one() {
     }
 }
 
-/// A ring in a short circuit equals a ring of metal.
+/// A short-circuited ring winding acts like a ring of metal.
 #[test]
 fn a_closed_coil_is_a_ring_of_metal() {
     let (r_m, x_m) = ([3e-3, 6e-3], [-0.5e-3, 0.0]);
@@ -195,7 +195,7 @@ fn a_closed_coil_is_a_ring_of_metal() {
 }
 
 /// If triangles are higher than the skin depth, a change from mesh to mesh does not show their
-/// error.
+/// error, so the estimate must include it.
 #[test]
 fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
     let plate = Plate {
@@ -208,7 +208,7 @@ fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
     let exact = -omega * SPECTRUM.added_by(&plate, omega).im;
     let design = design(&(plate.disc(PLATE_RADIUS_M) + &coil("c", R_M, ABOVE_M, TURNS)));
     // Most of the resistance is the coil's own, so the mesh is not refined where the part's error
-    // is.
+    // arises.
     let design = Design {
         resistivity_ohm_m: 1e-4,
         ..design

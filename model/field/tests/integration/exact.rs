@@ -1,4 +1,4 @@
-//! Fields with closed forms. The oracles share no code with the solver.
+//! Fields compared with closed forms, which share no code with the solver.
 
 use std::f64::consts::PI;
 
@@ -16,19 +16,19 @@ fn accuracy(relative: f64) -> Accuracy {
 }
 
 fn solved(design: &Design, relative: f64) -> Solved {
-    // No material saturates in these designs; those in a background are solved in it.
+    // No material saturates in these designs; a design with a background field is solved with it.
     let excitation = Excitation::saturating(design, 1.0);
     solve(design, &excitation, &accuracy(relative)).expect("a field")
 }
 
-/// Field on the axis of a ring of rectangular section with 1 A through it, T.
+/// Field on the axis of a ring of rectangular section that carries 1 A, T.
 fn ring_on_axis(r: [f64; 2], x: [f64; 2], at: f64) -> f64 {
     let density = 1.0 / ((r[1] - r[0]) * (x[1] - x[0]));
     let f = |z: f64| z * ((r[1] + r[1].hypot(z)) / (r[0] + r[0].hypot(z))).ln();
     MU_0 * density / 2.0 * (f(x[1] - at) - f(x[0] - at))
 }
 
-/// The paper's four spirals.
+/// Field on the axis of the paper's four spirals, T.
 fn air_on_axis(at: f64) -> f64 {
     let layers = [[0.0, 0.07], [1.57, 1.64], [6.64, 6.71], [8.21, 8.28]];
     let mut sum = 0.0;
@@ -51,7 +51,7 @@ fn the_paper_s_coils_in_air() {
     let locator = Locator::new(&solved.level, &solved.w);
     let mut worst = 0.0_f64;
     for step in -300..=300 {
-        // Out to 0.3 m: through the circle and far into the exterior.
+        // Points out to 0.3 m: through the circle and far into the exterior.
         let at = 4.14e-3 + f64::from(step).powi(3) / 300_f64.powi(3) * 0.3;
         let exact = air_on_axis(at);
         let miss = (locator.at([0.0, at]).b[1] / exact - 1.0).abs();
@@ -115,8 +115,8 @@ fn spheroids_in_a_uniform_field() {
     }
 }
 
-/// Halves of a sphere in a uniform field: the stress on the plane between them, minus that of the
-/// field alone, has a closed form.
+/// The halves of a sphere in a uniform field: the stress on the plane between them, minus the
+/// stress of the uniform field alone, has a closed form.
 #[test]
 fn halves_of_a_sphere_in_a_uniform_field() {
     let radius_m = 10e-3_f64;
@@ -146,7 +146,7 @@ fn figures_of_a_small_current_are_without_the_background() {
     };
     let small = |design: &Design| of(design, &Excitation::small(design, 1.0));
     assert_eq!(small(&within), small(&alone));
-    // There is little saturation at 10 A: background and current add up.
+    // There is little saturation at 10 A: the fields of the background and of the current add up.
     let [both, background] = [10.0, 0.0].map(|a| of(&within, &Excitation::saturating(&within, a)));
     let per_ampere = (both.linkage_wb - background.linkage_wb) / 10.0;
     let inductance_h = small(&alone).linkage_wb;
@@ -241,12 +241,12 @@ fn long_thick_solenoid() {
         println!("solenoid at {at:.3} m: off by {miss:.1e}");
         assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
     }
-    // Resistance: the wire's length over its share of the section.
+    // Exact resistance: that of the wire's length with its fraction of the section's area.
     let exact = 1.72e-8 * 2.0 * PI * 7.5e-3 * 1000.0_f64.powi(2) / (5e-3 * 0.2);
     assert!((design.resistance_ohm() / exact - 1.0).abs() < 1e-12);
 }
 
-/// Root mean square error of B in a sphere with a uniform field.
+/// Root mean square error of B in a sphere, in which the exact field is uniform.
 fn sphere_error(order: u32, halvings: u32) -> f64 {
     let design = uniform(
         "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }",

@@ -3,8 +3,8 @@
 use palpate_field::design::{Design, Named};
 use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
 
-/// A coil above a plate, and a coil with a current of its own above both, all in air. `gap_mm` is
-/// between the plate and the lower coil, `lift_mm` moves the upper coil.
+/// A coil above a plate, and a second coil with a current of its own above both, all in air.
+/// `gap_mm` is the gap between the plate and the lower coil, `lift_mm` raises the upper coil.
 fn design(gap_mm: f64, lift_mm: f64, own_current_a: f64) -> Design {
     let text = format!(
         r#"
@@ -49,13 +49,13 @@ fn solved(design: &Design) -> Solved {
     solve(design, &Excitation::saturating(design, 3.0), &accuracy).expect("a field")
 }
 
-/// Energy of the currents, J.
+/// Energy of the field of all currents, J.
 fn energy_j(gap_mm: f64, lift_mm: f64) -> f64 {
     let design = design(gap_mm, lift_mm, -2.0);
     0.5 * solved(&design).work_j(&design)
 }
 
-/// At constant currents a linear field pulls towards growing energy.
+/// At constant currents a linear field exerts forces towards growing energy.
 #[test]
 fn forces_are_those_of_lorentz_and_of_the_energy() {
     let of = design(2.0, 0.0, -2.0);
@@ -69,7 +69,7 @@ fn forces_are_those_of_lorentz_and_of_the_energy() {
     let step_mm = 0.05;
     let slope =
         |moved: &dyn Fn(f64) -> f64| (moved(step_mm) - moved(-step_mm)) / (2.0 * step_mm * 1e-3);
-    // The gap moves both coils away from the plate.
+    // The gap moves both coils away from the plate, so this slope is the force on the plate.
     let of_plate = -slope(&|step| energy_j(2.0 + step, 0.0));
     let of_upper = slope(&|step| energy_j(2.0, step));
     let near = |found: f64, truth: f64| (found / truth - 1.0).abs() < 2e-3;
@@ -83,7 +83,8 @@ fn forces_are_those_of_lorentz_and_of_the_energy() {
     assert_eq!(of.named("upper"), Some(Named::Coil(1)));
 }
 
-/// If magnetic parts touch, the force between them depends on the gap that opens.
+/// If magnetic parts touch, the force between them depends on the gap that opens, so there is none
+/// to state.
 #[test]
 fn a_part_that_touches_magnetic_material_has_no_force_of_its_own() {
     let of = design(0.0, 0.0, -2.0);

@@ -1,4 +1,4 @@
-//! Permanent magnets against closed forms. The oracles share no code with the solver.
+//! Permanent magnets compared with closed forms, which share no code with the solver.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, sol
 
 const MU_0: f64 = 4e-7 * PI;
 
-/// A design of magnets with a core, in mm, and no other parts.
+/// A design with these magnets and a core, in mm, and no other parts.
 fn design(core: &str, more: &str) -> Design {
     let text = format!("name = \"x\"\nlength_unit = \"mm\"\n[core]\n{core}\n{more}\n");
     Design::parse("x", &text).expect("a design")
@@ -71,7 +71,7 @@ fn a_sphere_is_uniform() {
         let size = exact.abs();
         assert!((point.mean_b_t / size - 1.0).abs() < 1e-5, "{point:?}");
         assert!((point.least_b_t / size - 1.0).abs() < 1e-3, "{point:?}");
-        // The demagnetising factor of a sphere is a third: H = -B/(2 mu0).
+        // The demagnetising factor of a sphere is one third, so H = -B/(2 mu0).
         let exact_h = -0.5 * size / MU_0;
         assert!(
             (point.mean_h_a_per_m / exact_h - 1.0).abs() < 1e-5,
@@ -83,7 +83,7 @@ fn a_sphere_is_uniform() {
     }
 }
 
-/// Two spheres of radius 4 and 3 mm, 12 mm from centre to centre.
+/// A design with two spheres of radius 4 and 3 mm, 12 mm from centre to centre.
 fn spheres(first_t: f64, second_t: f64) -> Design {
     design(
         "r = 1.0\nx = [5.0, 8.0]",
@@ -141,7 +141,7 @@ fn a_pot_magnet_holds_its_keeper() {
     assert_eq!(part("magnet"), None, "it touches the pot");
 }
 
-/// A body of design `A` as a magnet.
+/// Design `A` with its body turned into a magnet.
 fn magnetic_elastomer() -> Design {
     let text = builtin_text("A").expect("built in");
     let text = text.replace("mu_r = 3.7", "mu_r = 1.3\nremanence_T = 0.1");
@@ -150,7 +150,7 @@ fn magnetic_elastomer() -> Design {
     Design::parse("A.toml", &text).expect("a design")
 }
 
-/// Figures per ampere omit the remanence; at a current the two fields add up.
+/// Figures per ampere leave out the remanence; at a given current the two fields add up.
 #[test]
 fn a_coil_beside_a_magnet() {
     let design = magnetic_elastomer();
@@ -185,8 +185,8 @@ fn a_coil_beside_a_magnet() {
     }
 }
 
-/// Reciprocity: the flux of a magnet through coils is ∫ B_r · H dV with the H of one ampere in
-/// them.
+/// Reciprocity: the flux of a magnet through coils is ∫ B_r · H dV, where H is the field of one
+/// ampere in the coils.
 #[test]
 fn a_magnet_s_flux_is_the_coil_s_field_in_it() {
     let design = magnetic_elastomer();

@@ -5,7 +5,7 @@ use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-/// Two rings and a body between them or about the axis, which may be a magnet.
+/// Two rings and a body, between them or about the axis; the body may be a magnet.
 #[derive(Clone, Debug)]
 struct RandomRings {
     gap_mm: f64,
@@ -45,7 +45,7 @@ impl RandomRings {
         self.design_at(|x| x)
     }
 
-    /// The design with every axial position, mm, mapped to another.
+    /// The design, with every axial position, mm, mapped by `place`.
     fn design_at(&self, place: impl Fn(f64) -> f64) -> Design {
         let [a, b] = self.radii_mm;
         let [r, x] = self.body_mm;
@@ -96,7 +96,8 @@ fn run(design: &Design, currents_a: [f64; 2], saturating: bool) -> Solved {
     solve(design, &excitation, &accuracy).expect("a field")
 }
 
-/// A single coil does not attract itself: its zero force is compared to the field's energy.
+/// A single coil does not attract itself: the error of this zero force is compared with the energy
+/// of the field.
 #[test]
 fn a_single_coil_reaches_its_accuracy() {
     let design = palpate_field::design::builtin("air").expect("built in");
@@ -130,8 +131,8 @@ fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
     assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
 }
 
-/// The same designs in every run. Of random designs about one in fifty misses the limit on forces,
-/// by up to a fifth.
+/// Generates the same designs in every run: of random designs, about one in fifty exceeds the limit
+/// for the forces, by up to a fifth.
 fn designs() -> ProptestConfig {
     ProptestConfig {
         cases: 10,
@@ -156,7 +157,8 @@ proptest! {
     fn energy_balances(random in random()) {
         let design = random.design();
         let solved = run(&design, [1.0, 1.0], false);
-        // The energy of every point, to infinity, against the work of the currents.
+        // The energy summed over all points, to infinity, is compared with the work of the
+        // currents.
         let half_work = 0.5 * solved.work_j(&design);
         let miss = solved.energy_j() / half_work - 1.0;
         prop_assert!(miss.abs() < 2e-3, "{miss:e}");
@@ -214,14 +216,15 @@ proptest! {
         let excitation = Excitation::small(&design, 1.0);
         let figures = solve(&design, &excitation, &Accuracy::default()).expect("a field").figures;
         let miss = (figures.force_n - figures.force_by_stress_n).abs();
-        // Forces that cancel are compared to a fiftieth of the energy over the gap.
+        // The error of forces that nearly cancel is compared with a fiftieth of the energy divided
+        // by the gap.
         let energy = 0.5 * figures.linkage_wb / (design.core.x_m[1] - design.core.x_m[0]);
         let size = figures.force_n.abs().max(0.02 * energy);
         prop_assert!(miss < 5e-3 * size, "{figures:?}");
     }
 }
 
-/// Replaces, removes or doubles a piece of a real design.
+/// A real design of which a piece has been replaced, removed or doubled.
 fn damaged() -> impl Strategy<Value = String> {
     let piece = prop_oneof![
         Just(String::new()),
@@ -265,7 +268,7 @@ proptest! {
     }
 }
 
-/// Each edit of `A.toml`, with the text that the message must contain.
+/// For each edit of `A.toml`: text that the error message must contain.
 #[test]
 fn refusals_name_the_place() {
     let text = builtin_text("A").expect("built in");

@@ -1,5 +1,5 @@
-//! Rings above wide sheets, against Dodd and Deeds: radius, depth and skin depth over three
-//! decades.
+//! Rings above wide sheets, compared with Dodd and Deeds: radius and thickness of the sheet and
+//! skin depth span three decades.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,7 +10,7 @@ use crate::dodd_deeds::{MU_0, Plate, Ring, Spectrum};
 
 const COPPER_S_PER_M: f64 = 5.8e7;
 const RING_RADIUS_M: f64 = 20e-3;
-/// Sheet radius divided by ring radius; the reference's sheet is infinite.
+/// Ratio of sheet radius to ring radius; the sheet of the reference solution is infinite.
 const WIDE: f64 = 500.0;
 
 /// A ring above a sheet.
@@ -46,8 +46,8 @@ impl Case {
         }
     }
 
-    /// Evenly spread over three decades of both ratios of the sheet, by multiples of irrational
-    /// numbers.
+    /// Cases whose two ratios of the sheet are spread evenly over three decades, by multiples of
+    /// irrational numbers.
     fn spread(count: u32) -> impl Iterator<Item = Self> {
         let decades = [(0.5, 3.5), (-1.5, 1.5), (-1.0, 0.0), (-1.3, -0.5)];
         let primes: [f64; 4] = [2.0, 3.0, 5.0, 7.0];
@@ -69,8 +69,8 @@ impl Case {
         )
     }
 
-    /// Solves to a relative accuracy and compares L, R and the L of a constant current; returns the
-    /// processor time in seconds.
+    /// Solves to a relative accuracy and compares L, R and the L of a constant current with the
+    /// reference. Returns the processor time, s.
     fn check(&self, relative: f64) -> f64 {
         let accuracy = Accuracy {
             relative,
@@ -86,7 +86,8 @@ impl Case {
         let omega = TAU * self.frequency_hz;
         let change = spectrum.added_by(&self.sheet, omega);
         let in_air_h = spectrum.in_air_h();
-        // In a thin sheet, 2 h²/r² of the losses of a dipole at the height h are beyond r.
+        // In a thin sheet, the fraction 2 h²/r² of the losses of a dipole at the height h is beyond
+        // the radius r.
         let size_m = self.ring.r_m[1].hypot(self.ring.above_m[1]);
         let beyond_h = 2.0 * (size_m / self.sheet_radius_m).powi(2) * change.norm();
         let reference_h = beyond_h + Spectrum::LEFT_OUT * in_air_h;
@@ -128,7 +129,7 @@ fn design(parts: &str, ring: &Ring, core_r_m: f64, core_x_m: [f64; 2]) -> Design
     Design::parse("x", &text).expect("a design")
 }
 
-/// Processor time of this thread, s; 0 where the system does not count it.
+/// Processor time of this thread, s; 0 if the system does not measure it.
 fn processor_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split(' ').next().and_then(|text| text.parse().ok());
@@ -145,15 +146,15 @@ fn rings_over_wide_sheets_are_within_their_stated_errors() {
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn sixty_rings_over_wide_sheets_are_within_their_stated_errors_in_5_s_each() {
-    // Processor time; a quarter of a second is usual.
+    // Limit of the processor time; a quarter of a second is usual.
     for case in Case::spread(60) {
         let seconds = case.check(1e-4);
         assert!(seconds <= 5.0, "{seconds} s");
     }
 }
 
-/// Regression test: a sheet of 200 mm radius and 30 mm thickness had an error of 8 % with 0.1 %
-/// stated.
+/// Regression test: for a sheet of 200 mm radius and 30 mm thickness the error was 8 %, but 0.1 %
+/// was stated.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_wider_sheet_changes_a_ring_by_no_more_than_its_stated_error() {
@@ -199,8 +200,8 @@ fn a_wider_sheet_changes_a_ring_by_no_more_than_its_stated_error() {
     }
 }
 
-/// If a sheet is much thicker than the skin depth, but a coil is close to it, its currents differ
-/// from those of a plane wave.
+/// If a sheet is much thicker than the skin depth but a coil is close to it, the sheet's currents
+/// differ from those of a plane wave.
 #[test]
 fn a_coil_within_skin_depths_of_a_thick_sheet_is_within_its_stated_error() {
     for skin_depths_above in [2.0, 10.0, 39.0, 45.0] {
@@ -213,7 +214,7 @@ fn a_coil_within_skin_depths_of_a_thick_sheet_is_within_its_stated_error() {
     }
 }
 
-/// Constant fields near permeable sheets, compared by the flux through the ring.
+/// Constant fields near permeable sheets, compared with the reference by the flux through the ring.
 #[test]
 fn constant_fields_above_wide_permeable_sheets_are_within_their_stated_errors() {
     for mut case in Case::spread(3) {

@@ -1,4 +1,4 @@
-//! Materials by tables of H and B.
+//! Materials with tables of H and B.
 
 use std::fmt::Write;
 use std::fs;
@@ -9,15 +9,15 @@ use palpate_field::figures::Figures;
 use palpate_field::material::Material;
 use palpate_field::solve::{Accuracy, Excitation, solve};
 
-/// A folder of its own for each test.
+/// A temporary folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::create_dir_all(&folder).expect("a folder");
     folder
 }
 
-/// A law that saturates slowly. From ν = ν₀/4 on, at 1.5 T, its magnetisation would fall, which no
-/// table has.
+/// A law that saturates slowly. Above 1.5 T (from ν = ν₀/4 on) its magnetisation would fall, which
+/// a table must not.
 const LAW: &str = "initial_mu_r = 2000\nknee_T = 2.0\nexponent = 4\n";
 const LAW_ENDS_T: f64 = 1.5;
 
@@ -29,7 +29,7 @@ fn pot(law: &str) -> String {
     text.replace(old, law)
 }
 
-/// The design `pot` with a table beside it for its soft metal.
+/// The design `pot` with this table, in a file beside it, for its soft metal.
 fn by_table(folder: &str, table: impl AsRef<[u8]>) -> Result<Design, String> {
     let folder = self::folder(folder);
     fs::write(folder.join("metal.csv"), table).expect("a table");
@@ -47,7 +47,7 @@ fn metal(design: &Design) -> &Material {
     &metal.expect("a plate").material
 }
 
-/// The law sampled at steps of 0.02 T.
+/// The law as a table in steps of 0.02 T.
 fn sampled() -> String {
     let design = by_law();
     let mut table = "# H in A/m, B in T\n\n".to_owned();
@@ -59,8 +59,8 @@ fn sampled() -> String {
     table
 }
 
-/// A table of the analytic law gives the figures of the law, far below saturation and in
-/// saturation.
+/// A table that was sampled from the analytic law gives the law's figures, far below saturation and
+/// in saturation.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_sampled_law_gives_the_law_s_figures() {
@@ -89,7 +89,7 @@ fn a_sampled_law_gives_the_law_s_figures() {
     }
 }
 
-/// The differential permeability is the rise of B with H along the field; across the field it is
+/// The differential permeability along the field is the slope of B over H; across the field it is
 /// B/H.
 #[test]
 fn the_differential_permeability_is_a_difference_quotient() {
@@ -107,7 +107,7 @@ fn the_differential_permeability_is_a_difference_quotient() {
     }
 }
 
-/// A message names file, line and problem, and what is allowed.
+/// The error message names file, line, problem and what is allowed.
 #[test]
 fn refused_tables_name_file_and_line() {
     for (name, table, line, problem) in [
@@ -174,8 +174,8 @@ const STEEL: [[f64; 2]; 8] = [
 const MU_0: f64 = 4e-7 * std::f64::consts::PI;
 
 /// The same steel as other programs, instruments and data sheets write it. Columns: text before the
-/// rows, a row, and the result: read, or the line and words of the rejection. `,` in front of a
-/// row: numbers with decimal commas.
+/// rows; a row; and the result, which is either that the table is read, or the line and words of
+/// the rejection. A `,` in front of a row means decimal commas.
 const OF_OTHER_PROGRAMS: &str = r#"
 Excel, CSV UTF-8                  | BOM                            | {A/m},{T}␍⏎        | read
 Excel, CSV in German              |                                |,{A/m};{T}␍⏎        | read
@@ -227,7 +227,7 @@ fn tables_of_other_programs() {
         let row = visible(row[1..].trim_end());
         let row = |[h, b]: [f64; 2]| {
             let oersted = h * 4e-3 * std::f64::consts::PI;
-            // Commas and narrow blanks as thousands separators.
+            // Commas, or narrow blanks, as thousands separators.
             let [english, french] = [",", "\u{202f}"].map(|mark| {
                 let [ones, thousands] = [h % 1e3, (h / 1e3).floor()];
                 let grouped = format!("{thousands}{mark}{ones:03}");
@@ -280,7 +280,7 @@ fn tables_of_other_programs() {
     }
 }
 
-/// A table that ends unsaturated is read with a note: it may be in kA/m.
+/// A table that ends before saturation is read, but with a note that its H may be in kA/m.
 #[test]
 fn a_table_that_ends_unsaturated_says_so() {
     let doubt = "(so it ends before saturation, or H is not in A/m)";
@@ -292,7 +292,7 @@ fn a_table_that_ends_unsaturated_says_so() {
     }
 }
 
-/// Sharp knees are solved at a known cost: 17 s at most on two cores.
+/// Curves with sharp knees are solved within a known time: 17 s at most on two cores.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_sharp_knee_is_solved_in_seconds() {
@@ -335,7 +335,7 @@ fn a_field_beyond_the_table_is_said() {
     }
 }
 
-/// The message about a table with this name.
+/// The error message about a table with this name.
 fn named(folder: &str, table: &str) -> String {
     let file = self::folder(folder).join("pot.toml");
     let text = format!(

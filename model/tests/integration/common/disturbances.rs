@@ -1,5 +1,5 @@
-//! The plain formula and the estimator under one disturbance at a time: a small `f64` plant with
-//! each disturbance of section 3 of the physics as a switch, with a size in its published range.
+//! Eq. (2) and the estimator under one disturbance at a time: a small `f64` plant has a switch for
+//! each disturbance of section 3 of the physics, with a size within its published range.
 
 use palpate_model::magnetorheological::deviation;
 use palpate_model::ramp::{
@@ -11,7 +11,8 @@ use super::plant::LoadLaw;
 use super::reference::equation_2;
 use super::rng::Rng;
 
-/// Ultra-soft stack, a load as stiff as the sensing layer, 400 readings in eight falling ramps.
+/// The table's setup: an ultra-soft stack, a load as stiff as the sensing layer, and 400 readings
+/// in eight falling ramps.
 pub const SENSING: f64 = 6e3;
 pub const ACTUATED: f64 = 4e3;
 pub const EPS: f64 = 0.10;
@@ -29,9 +30,10 @@ pub struct Disturbance {
     pub noise: f64,
     /// Relative change of x per second.
     pub drift: f64,
-    /// Amplitude of each of three modes of creep of x, 0.3, 20 and 300 s after the touch.
+    /// Amplitude of each of three modes of creep of x, with time constants of 0.3, 20 and 300 s
+    /// after the touch.
     pub creep: f64,
-    /// Zero of x too high by this, m.
+    /// Error of the zero of x: too high by this, m.
     pub zero: f64,
     /// Apparent deformation at peak current, quadratic in it, m.
     pub crosstalk: f64,
@@ -41,15 +43,15 @@ pub struct Disturbance {
     pub growth: f64,
     /// Time constant by which the stiffening lags, s.
     pub lag: f64,
-    /// Share of the stiffening that passes through a play of 0.2 of its range.
+    /// Fraction of the stiffening that passes through a play (hysteresis) of 0.2 of its range.
     pub memory: f64,
-    /// Relative error by which the stiffening is calibrated too high.
+    /// Relative error of the calibrated stiffening: too high by this.
     pub eps: f64,
-    /// Relative error by which the current is read too high.
+    /// Relative error of the current's reading: too high by this.
     pub gain: f64,
     /// Amplitude (m) and frequency (Hz) of a vibration of x.
     pub vibration: (f64, f64),
-    /// Attraction and lag in the model of the evaluation.
+    /// Attraction and lag that the evaluation's model includes.
     pub modelled: (f64, f64),
     pub load: LoadLaw,
 }
@@ -104,7 +106,7 @@ pub const ALL: [Disturbance; 18] = [
         vibration: (5e-6, 8.3),
         ..NONE
     },
-    // k3 x^2 = k at 0.3 mm: the tangent, which is the truth here, is twice the secant.
+    // k3 x^2 = k at 0.3 mm. The true result is the tangent there, which is twice the secant.
     Disturbance {
         name: "load hardens with x^3",
         load: LoadLaw::Hardening {
@@ -170,7 +172,7 @@ pub const ALL: [Disturbance; 18] = [
 struct DisturbedReading {
     time: f64,
     x: f64,
-    /// Current relative to its peak, as read.
+    /// Current relative to its peak, as read with the gain error.
     current: f64,
 }
 
@@ -178,8 +180,8 @@ impl Disturbance {
     fn readings(&self, rng: &mut Rng) -> Vec<DisturbedReading> {
         let mut readings = Vec::new();
         for tooth in 0..TEETH {
-            // The current was held at the peak before it falls, so the stiffening has settled
-            // there.
+            // The current was held at the peak before it fell, so lag and play start from the
+            // settled stiffening.
             let (mut lagging, mut play) = (1.0, 0.8);
             for i in 0..PER_TOOTH {
                 let time = (tooth * PER_TOOTH + i) as f64 * INTERVAL_S;
@@ -203,7 +205,7 @@ impl Disturbance {
         readings
     }
 
-    /// The load's displacement, by bisection of the balance of lengths.
+    /// The load's displacement: found by bisection, so that the three lengths add up to the total.
     fn displacement(&self, rise: f64, current: f64, time: f64) -> f64 {
         let actuated = ACTUATED * (1.0 + rise);
         let amperes = current * PEAK_A;
@@ -223,12 +225,12 @@ impl Disturbance {
         low
     }
 
-    /// True c_L, relative to c_S: the load's tangent at half the rise.
+    /// True c_L, relative to c_S: the slope of the load's tangent at half the rise.
     fn truth(&self) -> f64 {
         self.load.tangent(self.displacement(EPS / 2.0, 0.0, 0.0)) / SENSING
     }
 
-    /// Apparent x_S.
+    /// Apparent deformation x_S, with the disturbances of the reading.
     fn deformation(&self, rise: f64, current: f64, time: f64) -> f64 {
         let after = SETTLE_S + time;
         let crept: f64 = [0.3, 20.0, 300.0]
@@ -243,12 +245,12 @@ impl Disturbance {
     }
 }
 
-/// Relative errors of c_L, and the estimator's 95 % interval relative to c_L.
+/// Relative errors of c_L, and the estimator's 95 % interval, for one disturbance.
 pub struct ErrorRow {
     pub name: &'static str,
-    /// Eq. (2), from the first and the last reading of the first ramp.
+    /// Relative error of eq. (2), from the first and the last reading of the first ramp.
     pub plain: f64,
-    /// Estimator without drift term, and with a logarithmic creep term.
+    /// Results of the estimator without drift term, and with a logarithmic creep term.
     pub ours: [Result<DisturbanceVerdict, RampRefusal>; 2],
 }
 
@@ -267,7 +269,8 @@ impl Disturbance {
         let mut lagging = 0.0;
         let regressor = |(i, reading): (usize, &DisturbedReading)| {
             let rise = eps * reading.current * reading.current;
-            // Settled at the peak, and from there on with a first-order lag.
+            // The stiffening has settled at the peak, and from there follows with a first-order
+            // lag.
             lagging = if lag > 0.0 && i % PER_TOOTH != 0 {
                 rise + (lagging - rise) * (-INTERVAL_S / lag).exp()
             } else {

@@ -1,4 +1,4 @@
-//! The estimator against the Cramer-Rao bound, for the case of section 2 of the physics.
+//! Compares the estimator with the Cramer-Rao bound, for the case of section 2 of the physics.
 
 use palpate_model::ramp::{Basis, DriftModel, Fit, Noise, Ramp, RampRefusal};
 use palpate_model::units::{NewtonPerMetre, Second};
@@ -27,7 +27,7 @@ impl Disturbance {
         }
     }
 
-    /// True size of the drift: a considerable part of the signal, 1 % of x over the ramp.
+    /// True size of the drift: 1 % of x over the ramp, a considerable part of the signal.
     pub fn size(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -42,7 +42,7 @@ pub struct EfficiencyCase {
     pub name: &'static str,
     pub ramps: Ramps,
     pub disturbance: Disturbance,
-    /// Published bound, relative to c_L.
+    /// Published Cramer-Rao bound of c_L's standard error, relative to c_L.
     pub published: f64,
 }
 
@@ -73,7 +73,7 @@ pub const CASES: [EfficiencyCase; 4] = [
     },
 ];
 
-/// Relative noise of a reading, and relative stiffening.
+/// Noise of a reading relative to x, and (`EPS`) relative stiffening.
 pub const NOISE: f64 = 1e-4;
 pub const EPS: f64 = 0.03;
 
@@ -82,7 +82,7 @@ impl EfficiencyCase {
         Stack::equal(1.0, EPS)
     }
 
-    /// Bound of the standard error of c_L, relative to c_L, from the forward model alone.
+    /// Cramer-Rao bound of c_L's standard error, relative to c_L, from the forward model alone.
     pub fn bound(&self) -> f64 {
         let (stack, ramps, disturbance) = (self.stack(), self.ramps, self.disturbance);
         let model = |i: usize, p: &[f64]| {
@@ -113,7 +113,7 @@ impl EfficiencyCase {
         )
     }
 
-    /// Errors of c_L relative to the bound, over `seeds`.
+    /// Errors of c_L divided by the bound, over ramps with these seeds.
     pub fn run(&self, seeds: std::ops::RangeInclusive<u64>, noise: Noise) -> EstimateErrors {
         let bound = self.bound();
         let mut errors = EstimateErrors::default();

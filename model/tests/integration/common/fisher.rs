@@ -20,7 +20,8 @@ pub fn cramer_rao(
         .map(|i| {
             (0..parameters.len())
                 .map(|k| {
-                    // Richardson's central difference, scaled to steps of one.
+                    // Central difference with Richardson's extrapolation, for a step of one in the
+                    // scaled parameter.
                     let difference =
                         |h: f64| (model(i, &shifted(k, h)) - model(i, &shifted(k, -h))) / (2.0 * h);
                     let h = steps[k];
@@ -29,7 +30,7 @@ pub fn cramer_rao(
                 .collect()
         })
         .collect();
-    // The inverse of the Fisher matrix J'J is what least squares returns beside its solution.
+    // `least_squares` also returns the inverse of the Fisher matrix J'J.
     let (_, inverse) = least_squares(&rows, &vec![0.0; samples]);
     (0..parameters.len())
         .map(|k| inverse[k][k].sqrt() * steps[k])

@@ -2,7 +2,7 @@
 // Indices as in the textbook.
 #![allow(clippy::needless_range_loop)]
 
-/// Minimises |A x - b| for rows of `a`; returns x and the inverse of A'A.
+/// Minimises |A x - b|, where `a` contains the rows of A; returns x and the inverse of A'A.
 pub fn least_squares(a: &[Vec<f64>], b: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
     let (rows, columns) = (a.len(), a[0].len());
     let mut a = a.to_vec();

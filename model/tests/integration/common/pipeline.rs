@@ -1,5 +1,6 @@
-//! One whole evaluation, from codes to claims, on inputs made of integers: it must give the same
-//! bits on every machine. Needs `core` only, so that a target without `std` can run it unchanged.
+//! One whole evaluation, from codes to results with intervals, on inputs made of integers: it must
+//! give the same bits on every machine. Needs `core` only, so that a target without `std` can run
+//! it unchanged.
 
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Cusum, Detector, Watch};
@@ -23,13 +24,13 @@ fn a_third(one: f32) -> f32 {
 /// Number of readings in the ramp.
 pub const READINGS: u32 = 400;
 
-/// All results that can differ, as bits.
+/// Bits of all results that could differ between machines.
 pub type Bits = [u32; 31];
 
 struct Noise32(u32);
 
 impl Noise32 {
-    /// Whole numbers from -2^11 to 2^11, nearly normal.
+    /// Random whole numbers from -2^11 to 2^11 with a nearly normal distribution.
     fn next(&mut self) -> i32 {
         let mut sum = 0;
         for _ in 0..4 {
@@ -40,8 +41,8 @@ impl Noise32 {
     }
 }
 
-/// Runs the evaluation. `None` if some part refuses, which must not happen. `one` is 1, hidden from
-/// the compiler so that it cannot precompute results.
+/// Runs the evaluation. `None` if some part refuses, which must not happen. `one` is 1; the
+/// compiler does not know that, so it cannot compute results in advance.
 pub fn run(one: f32) -> Option<Bits> {
     let mut noise = Noise32(one as u32);
     let sensing = NewtonPerMetre(6e3 * one);
@@ -69,7 +70,7 @@ pub fn run(one: f32) -> Option<Bits> {
     let mut curved = Ramp::new(reference, basis.ok()?);
     let drift = DriftModel::Exponential { tau };
     let mut straight = Ramp::new(reference, Basis::with_drift(drift).ok()?);
-    // The rise with a lag of 2 ms.
+    // The rise of the stiffness, with a lag of 2 ms.
     let (lag, mut late) = (Second(2e-3 * one), 0.1);
     let mut detector = Detector::new(Watch::new(Metre(10e-9 * one))).ok()?;
     let mut last = 0.0;
@@ -78,7 +79,7 @@ pub fn run(one: f32) -> Option<Bits> {
         let current = Ampere(10.0 * (1.0 - (i % 50) as f32 / 49.0));
         let rise = law.rise(current).value;
         let h = deviation(law.reference_ratio(sensing), rise);
-        // A code near the one for this deformation, from a line and noise.
+        // A converter code for roughly this deformation, from a straight line and noise.
         let depth = 0.3e-3 * 3.5 / (3.5 + h);
         let code = 230_000_000 - ((depth * 3e10) as i32 + noise.next()) as u32;
         let change = relative_inductance_change(relative_frequency_change(230_000_000, code));

@@ -6,12 +6,12 @@ use palpate_model::units::{Metre, Second};
 
 use super::rng::Rng;
 
-/// Falling ramps of the current: one, or several teeth.
+/// Falling ramps of the current: one ramp, or several in a saw-tooth.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramps {
     pub samples: usize,
     pub teeth: usize,
-    /// Duration of all samples, s.
+    /// Duration of all samples together, s.
     pub duration: f64,
 }
 
@@ -31,14 +31,14 @@ impl Ramps {
         self.duration * i as f64 / (self.samples - 1) as f64
     }
 
-    /// Current relative to its peak: from 1 to 0 in every tooth.
+    /// Current relative to its peak: it falls from 1 to 0 in every tooth.
     pub fn current(&self, i: usize) -> f64 {
         let per_tooth = self.samples / self.teeth;
         1.0 - (i % per_tooth) as f64 / (per_tooth - 1) as f64
     }
 }
 
-/// Displacement of the load under a force, in metres and newtons.
+/// Law of a load: displacement under a force, in metres and newtons.
 #[derive(Clone, Copy, Debug)]
 pub enum LoadLaw {
     Linear {
@@ -73,11 +73,11 @@ pub struct Stack {
     pub actuated: f64,
     pub eps: f64,
     pub load: LoadLaw,
-    /// Total displacement, m.
+    /// Total displacement x_0, m.
     pub total: f64,
 }
 
-/// Layer deformations of one state.
+/// Deformations of the layers in one state.
 #[derive(Clone, Copy, Debug)]
 pub struct LayerState {
     pub sensing: f64,
@@ -86,7 +86,7 @@ pub struct LayerState {
 }
 
 impl Stack {
-    /// Three springs near 6 N/mm with c_L/c_S = `ratio`, c_D0 = c_S; x_S about 0.3 mm.
+    /// Three springs near 6 N/mm with c_L/c_S = `ratio` and c_D0 = c_S; x_S is about 0.3 mm.
     pub fn equal(ratio: f64, eps: f64) -> Self {
         let c = 6e3;
         Self {
@@ -104,7 +104,7 @@ impl Stack {
         self.actuated * (1.0 + self.eps * current * current)
     }
 
-    /// Solves F(x_L) = F with F (1/c_S + 1/c_D) + x_L = total, by Newton's method.
+    /// Solves F (1/c_S + 1/c_D) + x_L(F) = total for the force F, by Newton's method.
     pub fn at(&self, current: f64) -> LayerState {
         let compliance = 1.0 / self.sensing + 1.0 / self.actuated_at(current);
         let mut x = self.total / 3.0;
@@ -135,14 +135,14 @@ impl Stack {
     }
 }
 
-/// One measurement, as the device's own `f32` inputs.
+/// One measurement, with the `f32` inputs that the device would have.
 pub struct Recording {
     pub reference: Reference,
     pub samples: Vec<RampSample>,
 }
 
-/// Records a press with a falling current, with noise of `relative` of x and a multiplicative drift
-/// 1 + drift(t).
+/// Records a press with a falling current. The noise is `relative` times x, and x is multiplied by
+/// the drift 1 + drift(t).
 pub fn record(
     stack: &Stack,
     ramps: &Ramps,

@@ -1,5 +1,5 @@
-//! Reference estimators on the device's own `f32` inputs, in `f64`, by two other methods than the
-//! crate's: a batch fit of 1/x on g by QR, and Gauss-Newton on x itself.
+//! Reference estimators in `f64` for the `f32` inputs that the device would have. They use two
+//! other methods than the crate: a batch fit of 1/x on g by QR, and Gauss-Newton on x itself.
 
 use super::linalg::least_squares;
 use super::plant::Recording;
@@ -7,7 +7,7 @@ use super::plant::Recording;
 /// A drift as a function of time.
 pub type Phi<'a> = &'a dyn Fn(f64) -> f64;
 
-/// Estimate of kappa with its standard error and the underlying coefficients.
+/// Estimate of kappa with its standard error, and the coefficients from which it follows.
 pub struct Estimate {
     pub kappa: f64,
     pub standard_error: f64,
@@ -15,7 +15,7 @@ pub struct Estimate {
     line: FittedLine,
 }
 
-/// The underlying straight line: 1/x at the mean of g, its slope, and their covariances.
+/// The fitted straight line: 1/x at the mean of g, its slope, and their covariances.
 #[derive(Default)]
 struct FittedLine {
     mean_g: f64,
@@ -25,7 +25,7 @@ struct FittedLine {
 }
 
 impl Estimate {
-    /// Fieller's interval of kappa, as the textbook's quadratic in the ratio level/slope.
+    /// Fieller's interval of kappa, from the textbook's quadratic in the ratio level/slope.
     pub fn interval(&self, quantile: f64) -> (f64, f64) {
         let FittedLine {
             mean_g,
@@ -66,7 +66,8 @@ fn readings(recording: &Recording) -> Vec<ReferenceReading> {
         .collect()
 }
 
-/// Weighted least squares of 1/x on g, weights x^4/sigma^2, drift columns phi/x: QR of the batch.
+/// Weighted least-squares fit of 1/x on g with the weights x^4/sigma^2 and drift columns phi/x: by
+/// QR of all samples at once.
 pub fn reciprocal_line(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
     let readings = readings(recording);
     let mean_g = readings.iter().map(|r| r.g).sum::<f64>() / readings.len() as f64;
@@ -121,7 +122,7 @@ pub fn maximum_likelihood(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
             rows.push(row);
             right.push((r.x - model) / r.sigma);
         }
-        // The columns differ in size: scale them for the solver.
+        // The columns differ in size, so they are scaled for the solver.
         let size = p[1].abs();
         rows.iter_mut().for_each(|row| row[1] *= size);
         let (mut step, c) = least_squares(&rows, &right);

@@ -1,4 +1,5 @@
-//! Seeded noise: xoshiro256++ (Blackman and Vigna, 2019) seeded by splitmix64, polar normals.
+//! Seeded noise: xoshiro256++ (Blackman and Vigna, 2019), seeded by splitmix64; normal numbers by
+//! the polar method.
 
 pub struct Rng {
     state: [u64; 4],

@@ -1,6 +1,6 @@
 //! Statistics of many ramps.
 
-/// Errors of many estimates, in units of the reference error.
+/// Errors of many estimates, each divided by a reference standard error.
 #[derive(Clone, Debug, Default)]
 pub struct EstimateErrors {
     pub count: usize,

@@ -1,5 +1,5 @@
-//! Shared by the tests. Registers are bare numbers on purpose: the tests must not use the crate's
-//! own transcription.
+//! Helpers of all tests. Registers are plain numbers on purpose: the tests must not use the crate's
+//! own transcription of the datasheet.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use core::cell::RefCell;
@@ -20,7 +20,8 @@ pub(crate) fn ms(milliseconds: u64) -> Time {
     Time::from_ms(milliseconds)
 }
 
-/// Settings without noise or shifts, but with the counter.
+/// Settings without noise and without shifts of the frequency, but with quantisation by the
+/// counter.
 pub(crate) fn quiet(clkin_hz: f64) -> Settings {
     let ideal = Settings::ideal();
     Settings {
@@ -103,7 +104,8 @@ impl<S: Sensors> ChipRig<S> {
         )
     }
 
-    /// Writes the registers of one channel: RCOUNT, a settling of `settle`, dividers of 1, drive.
+    /// Writes the registers of one channel: RCOUNT, a SETTLECOUNT of `settle`, dividers of 1, drive
+    /// current.
     pub(crate) fn prepare(&self, channel: u8, rcount: u16, settle: u16) {
         self.write(0x08 + channel, rcount);
         self.write(0x10 + channel, settle);
@@ -140,13 +142,13 @@ impl<S: Sensors> ChipRig<S> {
         self.chip.borrow_mut().schedule(event).expect("a free slot")
     }
 
-    /// Schedules a fault in the next `count` transactions.
+    /// Schedules a fault for the next `count` transactions.
     pub(crate) fn in_next(&self, count: u32, fault: ChipFault) -> FaultId {
         let number = self.chip.borrow().traffic().transactions;
         self.schedule(FaultEvent::in_transactions(number, count, fault))
     }
 
-    /// Schedules a fault from now on for a time.
+    /// Schedules a fault that starts now and lasts for a time.
     pub(crate) fn for_time(&self, lasting: Time, fault: ChipFault) -> FaultId {
         self.schedule(FaultEvent::at(self.now(), fault, lasting))
     }
@@ -160,7 +162,8 @@ impl<S: Sensors> ChipRig<S> {
         self.chip.borrow_mut().advance_to(end);
     }
 
-    /// Runs to the next falling edge of INTB; reads STATUS first if the pin is low already.
+    /// Runs to the next falling edge of INTB. If the pin is low already, reads STATUS first to
+    /// release it.
     pub(crate) fn next_interrupt(&self) -> Time {
         if self.chip.borrow().intb_is_low() {
             self.read(0x18);

@@ -1,5 +1,5 @@
-//! The register map typed a second time from the datasheet's register list, as plain numbers. It
-//! uses none of the driver's constants, so that one slip of the pen cannot cancel another.
+//! The register map, typed a second time from the datasheet's register list, as plain numbers. It
+//! uses none of the driver's constants: otherwise a typing error in them would not be found.
 #![allow(dead_code, unreachable_pub)]
 
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
@@ -14,7 +14,7 @@ pub const RESET_DEV: u8 = 0x1C;
 pub const MANUFACTURER: u8 = 0x7E;
 pub const DEVICE: u8 = 0x7F;
 
-/// First register of a channel's block of the same name; add the channel's number.
+/// Address of the register of channel 0; add the channel's number.
 pub const RCOUNT: u8 = 0x08;
 pub const OFFSET: u8 = 0x0C;
 pub const SETTLECOUNT: u8 = 0x10;
@@ -34,7 +34,7 @@ pub fn identity() -> Vec<Transaction> {
     vec![read(0x7E, 0x5449), read(0x7F, 0x3055)]
 }
 
-/// The transactions of one frame: pointer and two bytes each, joined by repeated starts.
+/// The transfers of one frame: pointer and two bytes for each register, joined by repeated starts.
 pub fn frame(registers: &[(u8, u16)]) -> Vec<Transaction> {
     let mut list = vec![Transaction::transaction_start(ADDRESS)];
     for (register, value) in registers {
@@ -45,8 +45,8 @@ pub fn frame(registers: &[(u8, u16)]) -> Vec<Transaction> {
     list
 }
 
-/// Transactions of a start with these settings: identity, sleep, settings, read-back, wake, every
-/// register again, and STATUS, which releases INTB.
+/// Transfers when the driver is started with these settings: identity, sleep, settings, read-back,
+/// wake, every register again, and STATUS, which releases INTB.
 pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction> {
     let mut list = identity();
     list.extend([write(CONFIG, asleep), read(CONFIG, asleep)]);
