@@ -169,7 +169,7 @@ impl<const N: usize> MonotoneCurve<N> {
         knots.iter().map(|knot| (knot.x, knot.y))
     }
 
-    /// Checksum over points and slopes, to compare curves.
+    /// Checksum over points and slopes; it differs if any one of them differs.
     ///
     /// ```
     /// use palpate_model::calibration_curve::MonotoneCurve;

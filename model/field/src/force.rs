@@ -5,13 +5,14 @@
 //! air between are stretched, keeping their permeability at each point. Positive means that the
 //! halves attract.
 //!
-//! A uniform background has a tension of its own out to infinity; it is subtracted, so the force is
-//! that of the design in the background.
-//!
 //! A uniform background field has a magnetic tension of its own, which reaches to infinity. It is
 //! subtracted, so the force is that of the design in the background.
 //!
-//! A magnet that is partly in this range is stretched there with its remanence unchanged.
+//! A magnet in this range is stretched with its remanence unchanged.
+//!
+//! If a body's outline is slanted in this range, the field pulls at it along the axis, and the
+//! force depends a little on the plane at which the halves are parted. The stress is that of the
+//! mid-plane.
 
 use core::f64::consts::TAU;
 

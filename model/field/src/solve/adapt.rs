@@ -58,8 +58,8 @@ impl Solved {
     }
 }
 
-/// At each refinement, triangles are halved that together have this fraction of the total score.
-/// The number of unknowns then grows by a factor of about 1.7.
+/// At each refinement, triangles are halved that together have this fraction of the total score. A
+/// fraction of one half makes the number of unknowns grow by a factor of about 1.7.
 const SHARE: f64 = 0.6;
 /// Size of the triangles at singular corners on the first mesh, relative to the circle's radius.
 const CORNER_SIZE: f64 = 0.004;
