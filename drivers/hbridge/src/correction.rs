@@ -59,8 +59,8 @@ impl Correction {
                 } else {
                     *last
                 };
-                // Proportional to the current, if the outermost pair's two currents have the same
-                // sign and the measured one is not too close to zero.
+                // Proportional to the current, if the currents of knot and outermost pair have the same
+                // sign and the pair's is not too close to zero.
                 if (reported_a > 0.0) == (measured > 0.0) && measured.abs() > 64.0 * unit_a {
                     (of - measured) * reported_a / measured
                 } else {
