@@ -52,6 +52,7 @@ pub fn restart_into_boot_loader() -> ! {
     let mark = unsafe { &*WATCHDOG::ptr() }.scratch0();
     // Clears the mark: the boot loader starts the new image through the watchdog, and that reset is not
     // one of this firmware's.
+    // SAFETY: any word may be kept there.
     mark.write(|w| unsafe { w.bits(0) });
     rp2040_hal::rom_data::reset_to_usb_boot(0, 0)
 }

@@ -132,8 +132,8 @@ impl<'l> System<'l> {
         region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
-    /// For each triangle, its height in units of [`SKIN_DEPTHS`] skin depths, or 0 if that is below
-    /// 1. A layer of triangles that is too high carries the same current with less loss, in
+    /// For each triangle, its height in units of [`SKIN_DEPTHS`] skin depths, or 0 if that is less than
+    /// one. A layer of triangles that is too high carries the same current with less loss, in
     /// proportion to its height.
     pub(super) fn coarse(&self) -> Vec<f64> {
         let mesh = &self.level.space.mesh;
