@@ -62,9 +62,10 @@ pub(crate) struct Core {
 /// The two whole numbers of one conversion; their ratio M/N gives the word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// M: number of sensor periods in two gates, or of sensor half periods in one gate.
+    /// M: sensor periods, summed over both gates ([`Counter::TwoGates`]), or sensor half periods in the
+    /// only gate ([`Counter::HalfPeriods`]).
     pub sensor: u64,
-    /// N: number of reference periods in two gates, or of reference half periods in one gate.
+    /// N: reference periods, summed over both gates, or reference half periods in the only gate.
     pub reference: u64,
 }
 

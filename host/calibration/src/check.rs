@@ -567,9 +567,11 @@ mod tests {
         );
     }
 
-    /// Many sensors with random errors of the three terms' sizes, each checked by a press.
+    /// Checks many sensors by a press each. Their random errors have the sizes that the calibration
+    /// states for its three terms. The uncertainty claimed after the check must match the errors that
+    /// remain.
     #[test]
-    fn what_is_claimed_after_a_check_is_by_how_much_sensors_are_off() {
+    fn claimed_uncertainty_after_a_check_matches_the_errors_that_remain() {
         const SENSORS: u32 = 2_000;
         let (constant, scale, signal, own) = (0.005, 0.003, 0.02, 0.006);
         let commands: Vec<Command> = calibration(signal * (1.0 + RISE))

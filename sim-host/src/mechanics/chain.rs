@@ -86,7 +86,7 @@ pub(crate) struct Decays {
     pub(crate) actuated: [f64; MODES],
 }
 
-/// Rates of change of the conditions, per second.
+/// Rates of change of the [`ChainConditions`], in their units per second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Rates {
     pub(crate) sensing_spring: f64,

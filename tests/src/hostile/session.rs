@@ -21,7 +21,7 @@ const TRIP: f64 = DRIVE.trip_a as f64 / DRIVE.current_a as f64;
 /// Current below which nothing was commanded, A: the measurement's offset, and the residue of a
 /// test.
 const NONE_A: f64 = 0.2;
-/// Time from the bridge off to no current: ten times the time constant of 0.4 ms.
+/// Time in which the current decays after the bridge is turned off: ten time constants of 0.4 ms.
 const DECAY: Time = Time::from_ms(4);
 /// Deepest press of a script, relative to the calibrated range.
 const DEEPEST: f64 = 0.8;

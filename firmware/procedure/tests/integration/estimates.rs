@@ -524,8 +524,8 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
         rig.until(State::Watching, 3_000);
         rig.touch(3e-4);
         let estimate = rig.measure();
-        // The heating of the coil during the train is not part of the temperature: the calibration's
-        // trains heat the coil as well.
+        // The temperature is that at the start of the train. The train then heats the coil, but the
+        // calibration's trains did so too, so this is not corrected.
         assert_eq!(estimate.temperature_c, Some(25.0));
         error(&estimate, &rig)
     });

@@ -249,7 +249,8 @@ fn without_currents(design: &Design) -> Vec<String> {
     insulating.map(|plate| plate.name.clone()).collect()
 }
 
-/// Returns the coils with these names; without names the coils that are not driven, or all.
+/// Returns the indices of the named coils. Without names: of the coils that are not driven or, if all are
+/// driven, of all coils.
 fn coils(design: &Design, names: &[String]) -> Result<Vec<usize>, Failure> {
     if design.coils.is_empty() {
         let name = &design.name;

@@ -150,7 +150,12 @@ fn converter(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
         row.add(recovery(&mut bench).filter(|_| scheduled));
     }
     rows.push(row);
-    let mut row = FaultRow::new("absent or another chip at the start, then there", RECOVERY);
+    // A recovery pauses for 20 ms between two attempts; the first start of the converter also searches
+    // for its drive current.
+    let mut row = FaultRow::new(
+        "absent or another chip at the start, then there",
+        Time::from_ms(100),
+    );
     let foreign = ChipFault::WrongIdentity {
         manufacturer: 0x5449,
         device: 0x3054,
@@ -162,12 +167,8 @@ fn converter(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
         bench.run(Time::from_ms(300));
         let reported = bench.faults().iter().any(|fault| fault.active);
         bench.board.chip_mut().clear_faults();
-        // A recovery pauses for 20 ms between two attempts; the first start of the converter also
-        // searches for its drive current: 100 ms are allowed here.
         row.add(recovery(&mut bench).filter(|_| scheduled && reported));
     }
-    row.limit = Time::from_ms(100);
-    row.broken = u32::from(row.worst > row.limit);
     rows.push(row);
 }
 

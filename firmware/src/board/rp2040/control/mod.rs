@@ -31,8 +31,9 @@ use timing::{CONTROL_SLICE, CYCLES};
 
 /// Mask of the two PWM slices: the one that triggers the interrupt, and the bridge's.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
-/// Count of the control slice when the bridge's slice starts a period. The control slice wraps 10.25 us
-/// later: one conversion of 2 us and a quarter of a microsecond after the middle of the period.
+/// Count at which the control slice starts, together with a period of the bridge's slice. It then wraps,
+/// and triggers the interrupt, 10.25 us into the period: 8 us to the middle, 2 us for the conversion that
+/// starts there, 0.25 us more.
 const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);
 /// Cycles for which a task masks the interrupt for short work, such as a report, which takes 110.
 /// Includes bus interrupts that may run meanwhile.

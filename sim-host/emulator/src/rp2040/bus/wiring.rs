@@ -193,8 +193,8 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Skips conversions whose results later ones will overwrite: without the control interrupt the
-    /// firmware does not read each result.
+    /// Skips conversions that the firmware would not read: unless the control interrupt is on, it does
+    /// not read each result, and later ones overwrite it.
     fn skip_conversions(&mut self, now_ps: u64) {
         let waiting = self.adc.sampled_by(now_ps);
         let are_read = self.pwm.interrupts() || !self.adc.feeds_dma();
