@@ -467,10 +467,10 @@ impl SeriesResult {
         )?;
         writeln!(
             out,
-            "{} sensors of the stack {} from seed {}, each pressed {} times in a row in a world that goes on: held for {} to \
-             {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth of them, \
-             something on a fourth of the sensors at power on, and a room that warms or cools by up to 2 K/min. {} could not \
-             be calibrated.\n\n{}\n",
+            "{} sensors of the stack {} from seed {}. Each is pressed {} times onto the same spring without a restart: for {} to {} s, with \
+             gaps of {} to {} s, to {} to {} times the working depth. A quarter of the presses follow a short tap; during a fifth the \
+             settings are sent again; a quarter of the sensors have an object on them at power on; the room warms or cools by up to \
+             2 K/min. {} sensors could not be calibrated.\n\n{}\n",
             self.plants,
             self.stack,
             self.seed,

@@ -175,7 +175,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "series",
-        claim: "Presses in a row, in a world that goes on, are found, and their intervals hold.",
+        claim: "In a long series of presses on one sensor every press is detected, and the 95 % intervals hold.",
         command: "campaign series --plants 200 --seed 600001",
         rests_on: INSTRUMENT,
     },
@@ -193,19 +193,19 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "worlds",
-        claim: "What a press is worth where something differs from the bench.",
+        claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw.",
         command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "checked-worlds",
-        claim: "What a press is worth where something differs from the bench, after a check by a spring that is known to 1 %.",
+        claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw, after a check by a spring that is known to 1 %.",
         command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-spring",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "untouched-worlds",
-        claim: "What a press is worth where something differs from the bench, after checks by a train on the untouched sensor and by a known spring.",
+        claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw, after checks by a train on the untouched sensor and by a known spring.",
         command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-untouched --check-spring",
         rests_on: INSTRUMENT,
     },
@@ -259,7 +259,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "image-faults",
-        claim: "The image recovers from faults of bus and converter, and turns the bridge off after a crash in mid-ramp, in time.",
+        claim: "The firmware recovers from faults of bus and converter, and turns the bridge off after a crash during a ramp, both within their limits.",
         command: "campaign image-faults",
         rests_on: IMAGE,
     },
@@ -289,7 +289,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "coil-current",
-        claim: "The coil's current over resistance, inductance and supply, before calibration, over weeks, and under full telemetry.",
+        claim: "The firmware keeps the coil's current within its limits: over resistance, inductance and supply, before calibration, weeks apart, and under full telemetry.",
         command: "campaign coil-current",
         rests_on: IMAGE,
     },

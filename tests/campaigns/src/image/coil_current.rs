@@ -222,7 +222,7 @@ fn chains() -> [f64; 3] {
 /// Runs two minutes; returns a table, and whether nothing was missed.
 fn full_telemetry() -> (String, bool) {
     let mut text = String::from(
-        "| stream | periods | levels late | least time left | longest from one to the next | samples | lost \
+        "| stream | pulse widths set | set too late | least time before taking effect | longest between two | samples | lost \
          | edge to START, worst |\n|---|---|---|---|---|---|---|---|\n",
     );
     let mut holds = true;
@@ -257,11 +257,12 @@ pub(crate) fn run() -> ExitCode {
     let latest_s = 2.0 * PERIOD.as_secs_f64();
     let percent = |part: f64| format!("{:.2} %", 100.0 * part);
     let text = format!(
-        "Overshoot of a step at most {} (limit {}), ramps within {} of a straight line ({}); absolute error before calibration at most {} \
-         ({}), weeks apart {} held and {} on ramps ({}).\n\n\
-         Steps and ramps: 27 corners of 0.233 to 0.545 Ω, 20 to 200 µH and 5 to 12 V. Steps arrive at 90 % at most {:.0} µs later than supply \
-         and inductance allow (limit {:.0} µs). Errors: {CHAINS} chains of measurement, parts of 10 A, means of conversions of 1 ms.\n\n\
-         Full telemetry while the coil is driven, {} simulated seconds each at 1 kHz, the PC reading and a command every 60 ms:\n\n{telemetry}",
+        "A step overshoots by at most {} (limit {}); a ramp is within {} of a straight line (limit {}). Before calibration the current is \
+         off by at most {} (limit {}); two uses weeks apart differ by {} at constant current and {} on ramps (limit {}).\n\n\
+         Steps and ramps: 27 corners of 0.233 to 0.545 Ω, 20 to 200 µH and 5 to 12 V. A step reaches 90 % at most {:.0} µs later than supply \
+         and inductance allow (limit {:.0} µs). Errors are relative to 10 A, over {CHAINS} randomly drawn \
+         measurement chains, of the current's mean over a conversion of 1 ms.\n\n\
+         Full telemetry while the coil is driven, {} simulated seconds each at 1 kHz, while the PC reads and sends a command every 60 ms:\n\n{telemetry}",
         percent(overshoot),
         percent(OVERSHOOT),
         percent(bend),

@@ -71,7 +71,7 @@ fn recovery(bench: &mut RecordedBoard) -> Option<Time> {
 
 fn wires(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
     let mut row = FaultRow::new(
-        "SDA low from each bit of a frame, until 1 to 9 clocks",
+        "SDA held low from each bit of a frame on, until 1 to 9 clock pulses have passed",
         RECOVERY,
     );
     for bit in 0..95 {
@@ -153,7 +153,7 @@ fn converter(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
     // A recovery pauses for 20 ms between two attempts; the first start of the converter also searches
     // for its drive current.
     let mut row = FaultRow::new(
-        "absent or another chip at the start, then there",
+        "no converter or another chip at power on, the right one later",
         Time::from_ms(100),
     );
     let foreign = ChipFault::WrongIdentity {
@@ -243,9 +243,9 @@ pub(crate) fn run() -> ExitCode {
             row.broken
         );
     }
-    text += "\nThe upper rows: from the cause's end to a sample that follows no gap, looked at every \
-         millisecond, without the watchdog and without a flagged word. The lower ones: until the \
-         bridge is off; it then stays off for 100 ms, in which the image starts anew.";
+    text += "\nFaults: time from the end of the cause to the first sample that does not follow a gap, in steps of 1 ms; a watchdog reset or a \
+         word with an error flag counts as beyond the limit. Crashes (last three rows): time until the bridge is off. It then stays off \
+         for 100 ms, in which the image restarts.";
     conclude(&text, broken == 0)
 }
 

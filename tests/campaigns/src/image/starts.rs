@@ -196,11 +196,11 @@ fn of_two() -> (String, bool) {
         }
     }
     let text = format!(
-        "Two converters on one bus, with frames that are read channel by channel in turns, up to the highest rate that the board accepts: \
-         {cases} changes of the settings of both, and as often the second loses everything and is started again; {} samples, {} of them \
-         marked. {} scans were lost between two samples of a converter; {} unmarked samples have a frequency that is not their sensor's \
-         or a time beside their grid; {false_faults} faults; {lost_by_first} scans of the first were lost, or marked as following a gap, while \
-         the second was started.",
+        "Two converters on one bus take turns, one channel per transaction, at rates up to the highest that the board accepts. \
+         {cases} times the settings of both are changed, then the second loses all registers and is restarted. Of {} samples {} are \
+         marked. {} scans were lost between two samples of a converter; {} unmarked samples have another sensor's frequency or a time \
+         off the scan period; {false_faults} faults. While the second restarted, {lost_by_first} scans of the first were lost or marked \
+         as following a gap.",
         all.samples, all.marked, all.lost, all.wrong,
     );
     let is_sound = [
@@ -244,13 +244,14 @@ pub(crate) fn run() -> ExitCode {
     println!();
     let (two, two_are_sound) = of_two();
     let text = format!(
-        "{starts} starts after the converter had lost everything and {changes} changes of settings, {} samples: {} off, {} mixed, {} \
-         skipped, {} torn; time stamps from {:+.2} to {:+.2} µs.\n\n\
-         Judged by the simulated converter's own record of every conversion. {} samples are marked: with a gap, or scans missed before \
-         them. Of the others, off: a time is more than 2 µs beside the middle of its conversion; mixed: its words are of two scans; \
-         skipped: a scan is missing before it; torn: the converter's supply failed in the last byte of the frame, which no reader of \
-         the bus can see. Two time stamps that follow one another differ by {:.2} µs at most; {faults} faults were raised after a change. Four \
-         channels at 1 kHz are more than the bus can fetch with STATUS: every second scan is missed there, and marked.\n\n{two}",
+        "{starts} starts after the converter had lost all registers and {changes} changes of settings, {} samples. Wrong and not marked: \
+         {} with a wrong time, {} that mix two scans, {} after a missing scan that is not reported, {} torn. Time stamps are off by \
+         {:+.2} to {:+.2} µs.\n\n\
+         Compared with the simulated converter's own record of every conversion. {} samples are marked as following a gap or missed \
+         scans. For the others: a time is wrong if it is more than 2 µs from the middle of its conversion; a sample is torn if the \
+         converter's supply failed during the last byte of the frame, which no reader of the bus can see. The errors of two \
+         consecutive time stamps differ by {:.2} µs at most. {faults} faults were raised after a change. With STATUS in each frame the \
+         bus cannot fetch four channels at 1 kHz: every second scan is missed, and the samples are marked.\n\n{two}",
         all.samples,
         all.off,
         all.mixed,
