@@ -55,7 +55,7 @@ impl Record {
         };
         let [command, commit, origin] = self.provenance();
         let (claim, figure) = (self.claim, self.figure.replace('|', "\\|"));
-        format!("| {name} | {claim} | {figure} | {command} | {commit} | {origin} |")
+        format!("| {name}: {claim} | {figure} | {command} at {commit}, {origin} |")
     }
 
     /// The result's page.
@@ -87,12 +87,13 @@ pub(super) fn with_row(overview: &str, name: &str, row: &str) -> String {
 /// The commit in a campaign's row; `None` where no result was kept.
 pub(super) fn commit<'o>(overview: &'o str, name: &str) -> Option<&'o str> {
     let row = overview.lines().find(|line| is_row_of(line, name))?;
-    let commit = row.rsplit(" | ").nth(1)?;
+    let (_, origin) = row.rsplit_once("` at ")?;
+    let (commit, _) = origin.split_once(", ")?;
     Some(commit.strip_suffix(" (dirty)").unwrap_or(commit))
 }
 
 fn is_row_of(line: &str, name: &str) -> bool {
-    let start = [format!("| {name} | "), format!("| [{name}](")];
+    let start = [format!("| {name}: "), format!("| [{name}](")];
     start.iter().any(|start| line.starts_with(start))
 }
 
@@ -194,23 +195,19 @@ mod tests {
             figure: "3 of |x|.".to_owned(),
             details: "text".to_owned(),
         };
-        let row = "| [trial](trial.md) | A trial. | 3 of \\|x\\|. | `cargo run -- --seed 7` | 0123abcd (dirty) \
-                   | 2026-02-03, rustc 1.95.0, 61 s |";
+        let row = "| [trial](trial.md): A trial. | 3 of \\|x\\|. | `cargo run -- --seed 7` at 0123abcd (dirty), \
+                   2026-02-03, rustc 1.95.0, 61 s |";
         assert_eq!(record.row(), row);
         let page = record.page();
         assert!(page.starts_with("# Evidence: trial\n\nA trial.\n\n3 of |x|.\n\n`cargo run -- --seed 7` at 0123abcd (dirty), 2026-02-03,"));
         assert!(page.ends_with("\n\ntext\n"));
         // A row replaces the previous row of its campaign, whatever page the previous one named.
-        let overview = with_row(
-            "# Evidence\n\n| trials | a | b | c | d | e |\n",
-            "trial",
-            row,
-        );
+        let overview = with_row("# Evidence\n\n| trials: a | b | c |\n", "trial", row);
         record.details.clear();
         let overview = with_row(&overview, "trial", &record.row());
         assert_eq!(overview.lines().count(), 4);
         assert!(overview.ends_with(&format!("\n{}\n", record.row())));
-        assert!(record.row().starts_with("| trial | A trial. |"));
+        assert!(record.row().starts_with("| trial: A trial. |"));
         assert_eq!(commit(&overview, "trial"), Some("0123abcd"));
         assert_eq!(commit(&overview, "tri"), None);
     }

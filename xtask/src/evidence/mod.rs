@@ -489,12 +489,12 @@ mod tests {
         for Campaign { name, claim, .. } in CAMPAIGNS {
             let rows = overview
                 .lines()
-                .filter(|line| line.contains(&format!(" | {claim} | ")));
+                .filter(|line| line.contains(&format!(": {claim} | ")));
             assert!(rows.count() <= 1, "{name}");
             if let Ok(page) = fs::read_to_string(folder.join(format!("{name}.md"))) {
                 assert!(page.lines().count() <= 45, "{name}");
                 assert!(
-                    overview.contains(&format!("| [{name}]({name}.md) | {claim} | ")),
+                    overview.contains(&format!("| [{name}]({name}.md): {claim} | ")),
                     "{name}"
                 );
             }
