@@ -88,6 +88,10 @@ impl Transport for MadeBoard {
         Ok(std::mem::take(&mut self.answers))
     }
 
+    fn patience(&self) -> Duration {
+        Duration::from_millis(500)
+    }
+
     fn reopen(&mut self) -> io::Result<()> {
         self.now += Duration::from_millis(100);
         self.powered_at = self.now;
@@ -114,6 +118,20 @@ fn a_board_with_new_power_and_the_same_boot_id_has_another_clock() {
     assert_eq!(link.clock().boot_id(), 7);
     let (after_s, _) = link.clock().offset_s().unwrap();
     assert!((after_s - powered_at_s).abs() < 0.02, "{after_s} s");
+}
+
+#[test]
+fn a_silent_board_is_given_up_after_the_patience_of_its_transport() {
+    let mut link = MadeBoard::link(BoardPresence::Silent, &Interrupt::uncaught());
+    link.transport.reopen().unwrap();
+    let began = link.now();
+    assert!(link.greet().is_err());
+    let waited = link.now() - began;
+    let patience = link.transport.patience();
+    assert!(
+        (patience..2 * patience).contains(&waited),
+        "waited {waited:?}"
+    );
 }
 
 #[test]
