@@ -2,7 +2,7 @@
 
 use crate::chip::Chip;
 use crate::faults::ChipFault;
-use crate::registers::{Config, Register, address, describe};
+use crate::registers::{Config, address, describe};
 use crate::sensor::Sensors;
 use crate::switches::{ActiveWrite, ConfigReadback};
 
@@ -61,49 +61,42 @@ impl<S: Sensors> Chip<S> {
                 .results
                 .msb_was_read(register / 2, &self.settings.switches),
             address::STATUS => self.results.status_was_read(&self.settings.switches),
-            address::MANUFACTURER_ID | address::DEVICE_ID => self.log_forgery(),
             _ => self.misuse.unknown_registers += u64::from(describe(register).is_none()),
         }
         value
     }
 
-    fn log_forgery(&mut self) {
-        let is_forged = |fault: &ChipFault| matches!(fault, ChipFault::WrongIdentity { .. });
-        let forged = self.faults.active().any(is_forged);
-        self.faults.log.forged_identities += u64::from(forged);
-    }
-
     /// Writes a register over the bus, with all effects of the write.
     pub(crate) fn write_register(&mut self, register: u8, value: u16) {
-        let Some(register) = describe(register) else {
+        let Some(described) = describe(register) else {
             self.misuse.unknown_registers += 1;
             return;
         };
-        if register.writable == 0 {
+        if described.writable == 0 {
             self.misuse.read_only_writes += 1;
             return;
         }
-        self.misuse.reserved_bits += u64::from(value & register.reserved != register.required);
-        match register.address {
+        self.misuse.reserved_bits += u64::from(value & described.reserved != described.required);
+        match register {
             address::RESET_DEV if value & RESET != 0 => self.reset(),
             address::RESET_DEV => {}
-            address::CONFIG => self.write_config(register, value),
+            address::CONFIG => self.write_config(value),
             _ => self.store(register, value),
         }
     }
 
-    fn write_config(&mut self, register: &Register, value: u16) {
+    fn write_config(&mut self, value: u16) {
         let slept = self.registers.config().sleeps();
         if slept || Config(value).sleeps() {
-            self.registers.write(register, value);
+            self.registers.write(address::CONFIG, value);
             self.follow_sleep(slept);
         } else {
-            self.store(register, value);
+            self.store(address::CONFIG, value);
         }
     }
 
     /// Stores a value in a register that may be written only while the chip sleeps.
-    fn store(&mut self, register: &Register, value: u16) {
+    fn store(&mut self, register: u8, value: u16) {
         if self.registers.config().sleeps() {
             self.registers.write(register, value);
             return;

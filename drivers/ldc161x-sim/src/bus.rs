@@ -76,7 +76,6 @@ impl core::error::Error for I2cError {}
 pub struct Bus<'a, S> {
     chips: &'a [RefCell<Chip<S>>],
     bit: Time,
-    gap: Time,
     deadline: Time,
 }
 
@@ -95,16 +94,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Self {
             chips,
             bit: Time::from_ps(1_000_000_000_000 / scl_hz),
-            gap: Time::ZERO,
             deadline: Time::from_ms(10),
         }
-    }
-
-    /// Sets the pause that the master needs after each transaction; pauses of 1 µs to 43 µs have
-    /// been measured on real masters.
-    #[must_use]
-    pub fn with_gap(self, gap: Time) -> Self {
-        Self { gap, ..self }
     }
 
     /// Sets the time after which the master gives up on a line held low; 10 ms by default.
@@ -177,7 +168,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         let time = now(self.chips)? + self.bit;
         each(self.chips, |chip| {
             chip.stop(time);
-            chip.advance_to(time + self.gap);
+            chip.advance_to(time);
         })
     }
 

@@ -1,10 +1,7 @@
 //! The whole chip: its time, pins, supply and ground truth.
 
 use crate::conversion::TrueConversion;
-use crate::faults::{
-    ChipFault, Disturbances, FaultChange, FaultEvent, FaultId, FaultState, Lost, Schedule,
-    ScheduleFull,
-};
+use crate::faults::{ChipFault, FaultChange, FaultEvent, Lost, Schedule, ScheduleFull};
 use crate::i2c_state::{Link, Traffic};
 use crate::random::Random;
 use crate::registers::{RegisterFile, address};
@@ -241,38 +238,20 @@ impl<S: Sensors> Chip<S> {
     /// Schedules a fault; it starts at once if its start time has passed.
     ///
     /// # Errors
-    /// [`ScheduleFull`] if [`crate::FAULT_SLOTS`] faults are waiting or active.
-    pub fn schedule(&mut self, event: FaultEvent) -> Result<FaultId, ScheduleFull> {
-        let fault = self.faults.add(event)?;
+    /// [`ScheduleFull`] if sixteen faults are waiting or active.
+    pub fn schedule(&mut self, event: FaultEvent) -> Result<(), ScheduleFull> {
+        self.faults.add(event)?;
         self.advance_to(self.now);
-        Ok(fault)
+        Ok(())
     }
 
     /// Ends all active faults and removes those that wait.
     pub fn clear_faults(&mut self) {
         let clock_was_lost = self.clkin_is_lost();
-        self.faults.clear(self.now);
+        self.faults.clear();
         if clock_was_lost {
             self.follow_clkin();
         }
-    }
-
-    /// State of a fault; `None` if its slot has been reused for a later fault.
-    #[must_use]
-    pub fn fault_state(&self, fault: FaultId) -> Option<FaultState> {
-        self.faults.state(fault)
-    }
-
-    /// Whether any fault is active at the current time.
-    #[must_use]
-    pub fn is_disturbed(&self) -> bool {
-        self.faults.is_disturbed()
-    }
-
-    /// Counts of the effects of faults so far.
-    #[must_use]
-    pub fn disturbances(&self) -> Disturbances {
-        self.faults.log
     }
 
     pub(crate) fn clkin_is_lost(&self) -> bool {

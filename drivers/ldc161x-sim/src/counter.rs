@@ -18,26 +18,25 @@ const FULL_SCALE: u64 = 1 << 28;
 /// Both numbers were fitted by maximum likelihood to 15 recorded words: nine at 12 MHz with 3.8
 /// clocks in a sensor period, six at 40 MHz with 9.2. No constant number of clocks explains all of
 /// them: the gap between N and 32 RCOUNT grows with the sensor's period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct StartUp {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StartUp {
     /// Number of reference clocks. Both [`Counter`] methods fit best with 4, the "+4" of datasheet
     /// equation 7.
-    pub clocks: f64,
+    clocks: f64,
     /// Number of sensor periods, after FIN_DIVIDERx.
-    pub periods: f64,
+    periods: f64,
 }
 
 impl StartUp {
     /// Fitted for [`Counter::TwoGates`], for each of its gates; values off by ±0.5 clocks and ±0.1
     /// periods fit equally well.
-    pub const TWO_GATES: Self = Self {
+    const TWO_GATES: Self = Self {
         clocks: 4.0,
         periods: 0.5,
     };
     /// Fitted for [`Counter::HalfPeriods`]; with half a clock more, one of the recorded words could
     /// not occur.
-    pub const HALF_PERIODS: Self = Self {
+    const HALF_PERIODS: Self = Self {
         clocks: 4.0,
         periods: 1.0,
     };

@@ -5,11 +5,10 @@ use crate::random::Random;
 use crate::time::Time;
 
 /// Largest number of faults that can be scheduled or remembered at once.
-pub const FAULT_SLOTS: usize = 16;
+const FAULT_SLOTS: usize = 16;
 
 /// Registers that a dip of the supply resets. It is unknown which ones it resets in silicon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Lost {
     /// All registers, as in a power-on reset: conversions stop and the bus is silent for the
     /// wake-up time.
@@ -20,7 +19,6 @@ pub enum Lost {
 
 /// Kind of bytes that a bit flip affects, by direction and meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Path {
     /// Bytes that the chip sends.
     ReadData,
@@ -32,7 +30,6 @@ pub enum Path {
 
 /// Which bytes of a [`Path`] a bit flip affects.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Strike {
     /// In each transaction the byte with this number on the path, counted from 0.
     Byte(u32),
@@ -42,7 +39,6 @@ pub enum Strike {
 
 /// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ChipFault {
     /// The chip acknowledges no byte after the first `after_bytes` bytes of a transaction.
     /// Addresses and bytes that the chip sent count too; 0 refuses the address.
@@ -107,7 +103,6 @@ impl ChipFault {
 
 /// When a fault starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Trigger {
     /// At this time; at once if it has passed.
     At(Time),
@@ -118,7 +113,6 @@ pub enum Trigger {
 
 /// How long a fault lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Span {
     /// For this time.
     Time(Time),
@@ -130,7 +124,6 @@ pub enum Span {
 
 /// A fault with its start and duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FaultEvent {
     /// Start of the fault.
     pub trigger: Trigger,
@@ -172,30 +165,7 @@ impl FaultEvent {
     }
 }
 
-/// The state of a scheduled fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FaultState {
-    /// It has not started.
-    Waiting,
-    /// It has started and not ended.
-    Active {
-        /// Start time.
-        since: Time,
-    },
-    /// It has ended.
-    Over {
-        /// Start time.
-        since: Time,
-        /// End time.
-        until: Time,
-    },
-}
-
-/// Identifier of a scheduled fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FaultId(u64);
-
-/// Error: all [`FAULT_SLOTS`] slots are taken by waiting or active faults.
+/// Error: sixteen faults are waiting or active already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScheduleFull;
 
@@ -207,45 +177,46 @@ impl core::fmt::Display for ScheduleFull {
 
 impl core::error::Error for ScheduleFull {}
 
-/// Counts of the effects of faults so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Disturbances {
-    /// Faults that have started.
-    pub begun: u64,
-    /// Faults that have ended.
-    pub ended: u64,
-    /// Bytes that went unacknowledged because of a fault.
-    pub nacks: u64,
-    /// Bytes with a bit inverted on the bus.
-    pub flipped_bytes: u64,
-    /// Reads of a false identity.
-    pub forged_identities: u64,
-    /// STOPs that the chip saw but the controller did not send.
-    pub early_stops: u64,
+/// The state of a scheduled fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Waiting,
+    Active { since: Time },
+    Over,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Slot {
-    id: u64,
+    /// Number of the fault, in the order in which they were scheduled.
+    number: u64,
     event: FaultEvent,
-    state: FaultState,
+    state: State,
     transactions_left: u32,
 }
 
 impl Slot {
+    fn begin(&mut self, now: Time) {
+        let never_lasts = self.event.span == Span::Transactions(0);
+        self.state = if self.event.fault.is_instant() || never_lasts {
+            State::Over
+        } else {
+            State::Active { since: now }
+        };
+    }
+
     fn is_active(&self) -> bool {
-        matches!(self.state, FaultState::Active { .. })
+        matches!(self.state, State::Active { .. })
     }
 
     fn is_over(&self) -> bool {
-        matches!(self.state, FaultState::Over { .. })
+        self.state == State::Over
     }
 
     /// Time at which the fault starts or ends, unless that depends on transactions.
     fn due(&self) -> Option<Time> {
         match (self.state, self.event.trigger, self.event.span) {
-            (FaultState::Waiting, Trigger::At(time), _) => Some(time),
-            (FaultState::Active { since }, _, Span::Time(length)) => Some(since + length),
+            (State::Waiting, Trigger::At(time), _) => Some(time),
+            (State::Active { since }, _, Span::Time(length)) => Some(since + length),
             _ => None,
         }
     }
@@ -288,11 +259,11 @@ impl Slots {
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     slots: Slots,
-    next_id: u64,
+    /// Number of the next fault.
+    next: u64,
     /// The earliest of all [`Slot::due`], cached because it is needed for every conversion.
     due: Option<Time>,
     random: Random,
-    pub(crate) log: Disturbances,
 }
 
 impl Schedule {
@@ -302,16 +273,14 @@ impl Schedule {
                 all: [None; FAULT_SLOTS],
                 taken: 0,
             },
-            next_id: 0,
+            next: 0,
             due: None,
             random,
-            log: Disturbances::default(),
         }
     }
 
-    pub(crate) fn add(&mut self, event: FaultEvent) -> Result<FaultId, ScheduleFull> {
+    pub(crate) fn add(&mut self, event: FaultEvent) -> Result<(), ScheduleFull> {
         let slot = self.free_slot().ok_or(ScheduleFull)?;
-        let id = self.next_id;
         let transactions_left = match event.span {
             Span::Transactions(count) => count,
             Span::Time(_) | Span::Forever => 0,
@@ -319,15 +288,15 @@ impl Schedule {
         self.slots.put(
             slot,
             Slot {
-                id,
+                number: self.next,
                 event,
-                state: FaultState::Waiting,
+                state: State::Waiting,
                 transactions_left,
             },
         );
-        self.next_id += 1;
+        self.next += 1;
         self.find_due();
-        Ok(FaultId(id))
+        Ok(())
     }
 
     /// Index of an empty slot, or of the oldest fault that is over.
@@ -336,29 +305,24 @@ impl Schedule {
         empty.or_else(|| {
             (0..)
                 .zip(&self.slots.all)
-                .filter_map(|(index, slot)| slot.filter(Slot::is_over).map(|slot| (slot.id, index)))
+                .filter_map(|(index, slot)| {
+                    slot.filter(Slot::is_over).map(|slot| (slot.number, index))
+                })
                 .min()
                 .map(|(_, index)| index)
         })
     }
 
     /// Ends active faults and removes waiting ones.
-    pub(crate) fn clear(&mut self, now: Time) {
+    pub(crate) fn clear(&mut self) {
         for entry in &mut self.slots.all {
             match entry {
-                Some(slot) if slot.is_active() => {
-                    finish(slot, now, &mut self.log);
-                }
-                Some(slot) if slot.state == FaultState::Waiting => *entry = None,
+                Some(slot) if slot.is_active() => slot.state = State::Over,
+                Some(slot) if slot.state == State::Waiting => *entry = None,
                 _ => {}
             }
         }
         self.find_due();
-    }
-
-    pub(crate) fn state(&self, id: FaultId) -> Option<FaultState> {
-        let slot = self.slots.iter().find(|slot| slot.id == id.0)?;
-        Some(slot.state)
     }
 
     pub(crate) fn due(&self) -> Option<Time> {
@@ -376,10 +340,10 @@ impl Schedule {
             .iter_mut()
             .find(|slot| slot.due().is_some_and(|due| due <= now))?;
         let begins = if slot.is_active() {
-            finish(slot, now, &mut self.log);
+            slot.state = State::Over;
             false
         } else {
-            begin(slot, now, &mut self.log);
+            slot.begin(now);
             true
         };
         let fault = slot.event.fault;
@@ -390,10 +354,10 @@ impl Schedule {
     /// Starts one fault that waits for this transaction, and returns it.
     pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<FaultChange> {
         let slot = self.slots.iter_mut().find(|slot| {
-            slot.state == FaultState::Waiting
+            slot.state == State::Waiting
                 && matches!(slot.event.trigger, Trigger::Transaction(first) if first <= number)
         })?;
-        begin(slot, now, &mut self.log);
+        slot.begin(now);
         let fault = slot.event.fault;
         self.find_due();
         Some(FaultChange {
@@ -405,7 +369,7 @@ impl Schedule {
     /// Handles the end of a transaction: ends one fault whose last transaction this was, and
     /// returns it. Call it again with `counted` false, so that the transaction is not counted
     /// twice, until it returns `None`.
-    pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<FaultChange> {
+    pub(crate) fn end_transaction(&mut self, counted: bool) -> Option<FaultChange> {
         let spans =
             |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
         if counted {
@@ -417,7 +381,7 @@ impl Schedule {
             .slots
             .iter_mut()
             .find(|slot| spans(slot) && slot.transactions_left == 0)?;
-        finish(slot, now, &mut self.log);
+        slot.state = State::Over;
         Some(FaultChange {
             fault: slot.event.fault,
             begins: false,
@@ -425,7 +389,7 @@ impl Schedule {
     }
 
     /// Counts SCL pulses for the faults that they end.
-    pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
+    pub(crate) fn clock_pulses(&mut self, pulses: u32) {
         for slot in self.slots.iter_mut().filter(|slot| slot.is_active()) {
             if let ChipFault::SdaStuck {
                 clocks: Some(clocks),
@@ -433,15 +397,11 @@ impl Schedule {
             {
                 *clocks = clocks.saturating_sub(u8::try_from(pulses).unwrap_or(u8::MAX));
                 if *clocks == 0 {
-                    finish(slot, now, &mut self.log);
+                    slot.state = State::Over;
                 }
             }
         }
         self.find_due();
-    }
-
-    pub(crate) fn is_disturbed(&self) -> bool {
-        self.active().next().is_some()
     }
 
     /// The active faults.
@@ -479,23 +439,6 @@ impl Schedule {
                 distorted ^= self.random.bit();
             }
         }
-        self.log.flipped_bytes += u64::from(distorted != byte);
         distorted
-    }
-}
-
-fn begin(slot: &mut Slot, now: Time, log: &mut Disturbances) {
-    log.begun += 1;
-    slot.state = FaultState::Active { since: now };
-    let never_lasts = slot.event.span == Span::Transactions(0);
-    if slot.event.fault.is_instant() || never_lasts {
-        finish(slot, now, log);
-    }
-}
-
-fn finish(slot: &mut Slot, now: Time, log: &mut Disturbances) {
-    if let FaultState::Active { since } = slot.state {
-        log.ended += 1;
-        slot.state = FaultState::Over { since, until: now };
     }
 }

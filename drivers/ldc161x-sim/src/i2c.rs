@@ -108,7 +108,7 @@ impl<S: Sensors> Chip<S> {
         self.traffic.stops += 1;
         self.link.slipped = false;
         let mut counted = core::mem::take(&mut self.link.in_transaction);
-        while let Some(change) = self.faults.end_transaction(self.now, counted) {
+        while let Some(change) = self.faults.end_transaction(counted) {
             counted = false;
             self.apply(change);
         }
@@ -138,7 +138,7 @@ impl<S: Sensors> Chip<S> {
     /// Receives SCL pulses outside of a transaction, which a master sends to free SDA.
     pub fn clock_pulses(&mut self, time: Time, pulses: u32) {
         self.advance_to(time);
-        self.faults.clock_pulses(pulses, self.now);
+        self.faults.clock_pulses(pulses);
     }
 
     fn sda_is_stuck(&self) -> bool {
@@ -159,14 +159,11 @@ impl<S: Sensors> Chip<S> {
     }
 
     /// Whether a fault keeps the chip from acknowledging this byte.
-    fn refuses(&mut self) -> bool {
+    fn refuses(&self) -> bool {
         let bytes = self.link.bytes;
-        let refuses = self
-            .faults
+        self.faults
             .active()
-            .any(|fault| matches!(fault, ChipFault::Nack { after_bytes } if bytes >= *after_bytes));
-        self.faults.log.nacks += u64::from(refuses);
-        refuses
+            .any(|fault| matches!(fault, ChipFault::Nack { after_bytes } if bytes >= *after_bytes))
     }
 
     fn begin_transaction(&mut self) {
@@ -248,7 +245,6 @@ impl<S: Sensors> Chip<S> {
             |fault| matches!(fault, ChipFault::EarlyStop { after_bytes } if bytes == *after_bytes),
         );
         if stops {
-            self.faults.log.early_stops += 1;
             self.break_off(false);
         }
     }

@@ -24,7 +24,7 @@ mod faults;
 mod i2c;
 mod i2c_state;
 mod random;
-pub mod registers;
+mod registers;
 mod results;
 mod sensor;
 mod sequence;
@@ -36,16 +36,9 @@ mod time;
 pub use bus::{Bus, Delay, I2cError, IntbPin, ShutdownPin};
 pub use chip::{Chip, Misuse};
 pub use conversion::TrueConversion;
-pub use counter::{Counts, StartUp};
-pub use drive::{
-    AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V, DRIVE_CURRENTS_UA, amplitude_v, calibrated_code,
-    drive_current_a,
-};
+pub use counter::Counts;
 pub use errors::Errors;
-pub use faults::{
-    ChipFault, Disturbances, FAULT_SLOTS, FaultEvent, FaultId, FaultState, Lost, Path,
-    ScheduleFull, Span, Strike, Trigger,
-};
+pub use faults::{ChipFault, FaultEvent, Lost, Path, ScheduleFull, Span, Strike, Trigger};
 pub use i2c::Ack;
 pub use i2c_state::Traffic;
 pub use results::CHANNELS;

@@ -1,57 +1,53 @@
 //! The register file, transcribed from datasheet SNOSCY9A section 7.6.
 
 /// Addresses of the registers. For a register that each of the four channels has, it is the address
-/// for channel 0; add the channel, or twice the channel for the two halves of a result.
-pub mod address {
-    /// DATA0_MSB; the halves of the four channels' results follow in turn, up to 0x07.
-    pub const DATA: u8 = 0x00;
+/// for channel 0; add the channel.
+pub(crate) mod address {
     /// RCOUNT0.
-    pub const RCOUNT: u8 = 0x08;
+    pub(crate) const RCOUNT: u8 = 0x08;
     /// OFFSET0.
-    pub const OFFSET: u8 = 0x0C;
+    pub(crate) const OFFSET: u8 = 0x0C;
     /// SETTLECOUNT0.
-    pub const SETTLE_COUNT: u8 = 0x10;
+    pub(crate) const SETTLE_COUNT: u8 = 0x10;
     /// CLOCK_DIVIDERS0.
-    pub const CLOCK_DIVIDERS: u8 = 0x14;
+    pub(crate) const CLOCK_DIVIDERS: u8 = 0x14;
     /// STATUS.
-    pub const STATUS: u8 = 0x18;
+    pub(crate) const STATUS: u8 = 0x18;
     /// ERROR_CONFIG.
-    pub const ERROR_CONFIG: u8 = 0x19;
+    pub(crate) const ERROR_CONFIG: u8 = 0x19;
     /// CONFIG.
-    pub const CONFIG: u8 = 0x1A;
+    pub(crate) const CONFIG: u8 = 0x1A;
     /// MUX_CONFIG.
-    pub const MUX_CONFIG: u8 = 0x1B;
+    pub(crate) const MUX_CONFIG: u8 = 0x1B;
     /// RESET_DEV.
-    pub const RESET_DEV: u8 = 0x1C;
+    pub(crate) const RESET_DEV: u8 = 0x1C;
     /// DRIVE_CURRENT0.
-    pub const DRIVE_CURRENT: u8 = 0x1E;
+    pub(crate) const DRIVE_CURRENT: u8 = 0x1E;
     /// MANUFACTURER_ID.
-    pub const MANUFACTURER_ID: u8 = 0x7E;
+    pub(crate) const MANUFACTURER_ID: u8 = 0x7E;
     /// DEVICE_ID.
-    pub const DEVICE_ID: u8 = 0x7F;
+    pub(crate) const DEVICE_ID: u8 = 0x7F;
 }
 
-/// Datasheet description of one register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Register {
-    /// Address on the bus.
-    pub address: u8,
-    /// Name in the datasheet's table of registers.
-    pub name: &'static str,
+/// Datasheet description of registers of one kind, which have successive addresses.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Register {
+    first: u8,
+    last: u8,
     /// Value after power-up, reset or shutdown.
-    pub reset: u16,
+    pub(crate) reset: u16,
     /// Bits that a write changes ("R/W" in the datasheet, reserved ones included).
-    pub writable: u16,
+    pub(crate) writable: u16,
     /// Reserved bits, which "must be written only with indicated value".
-    pub reserved: u16,
+    pub(crate) reserved: u16,
     /// Required value of the reserved bits.
-    pub required: u16,
+    pub(crate) required: u16,
 }
 
-const fn read_only(address: u8, name: &'static str, reset: u16) -> Register {
+const fn read_only(first: u8, last: u8, reset: u16) -> Register {
     Register {
-        address,
-        name,
+        first,
+        last,
         reset,
         writable: 0,
         reserved: 0,
@@ -59,14 +55,10 @@ const fn read_only(address: u8, name: &'static str, reset: u16) -> Register {
     }
 }
 
-const fn read_write(address: u8, name: &'static str, reset: u16) -> Register {
+const fn read_write(first: u8, last: u8, reset: u16) -> Register {
     Register {
-        address,
-        name,
-        reset,
         writable: 0xFFFF,
-        reserved: 0,
-        required: 0,
+        ..read_only(first, last, reset)
     }
 }
 
@@ -80,62 +72,40 @@ const fn reserving(register: Register, reserved: u16, required: u16) -> Register
 
 /// DRIVE_CURRENTx. Bits 10:6, INIT_IDRIVEx, are read-only and must be written zero. For channels 1
 /// to 3 the datasheet's tables give no access for bits 5:0, so a write does not change them there.
-const fn drive_current(address: u8, name: &'static str, writable: u16) -> Register {
+const fn drive_current(first: u8, last: u8, writable: u16) -> Register {
     Register {
-        address,
-        name,
-        reset: 0x0000,
         writable,
-        reserved: 0x07FF,
-        required: 0x0000,
+        ..reserving(read_only(first, last, 0), 0x07FF, 0)
     }
 }
 
 /// All registers in order of address (datasheet figure 14 and tables 1 to 35).
-pub const REGISTERS: [Register; 35] = [
-    read_only(0x00, "DATA0_MSB", 0x0000),
-    read_only(0x01, "DATA0_LSB", 0x0000),
-    read_only(0x02, "DATA1_MSB", 0x0000),
-    read_only(0x03, "DATA1_LSB", 0x0000),
-    read_only(0x04, "DATA2_MSB", 0x0000),
-    read_only(0x05, "DATA2_LSB", 0x0000),
-    read_only(0x06, "DATA3_MSB", 0x0000),
-    read_only(0x07, "DATA3_LSB", 0x0000),
-    read_write(0x08, "RCOUNT0", 0x0080),
-    read_write(0x09, "RCOUNT1", 0x0080),
-    read_write(0x0A, "RCOUNT2", 0x0080),
-    read_write(0x0B, "RCOUNT3", 0x0080),
-    read_write(0x0C, "OFFSET0", 0x0000),
-    read_write(0x0D, "OFFSET1", 0x0000),
-    read_write(0x0E, "OFFSET2", 0x0000),
-    read_write(0x0F, "OFFSET3", 0x0000),
-    read_write(0x10, "SETTLECOUNT0", 0x0000),
-    read_write(0x11, "SETTLECOUNT1", 0x0000),
-    read_write(0x12, "SETTLECOUNT2", 0x0000),
-    read_write(0x13, "SETTLECOUNT3", 0x0000),
-    reserving(read_write(0x14, "CLOCK_DIVIDERS0", 0x0000), 0x0C00, 0),
-    reserving(read_write(0x15, "CLOCK_DIVIDERS1", 0x0000), 0x0C00, 0),
-    reserving(read_write(0x16, "CLOCK_DIVIDERS2", 0x0000), 0x0C00, 0),
-    reserving(read_write(0x17, "CLOCK_DIVIDERS3", 0x0000), 0x0C00, 0),
-    read_only(0x18, "STATUS", 0x0000),
-    reserving(read_write(0x19, "ERROR_CONFIG", 0x0000), 0x0702, 0),
-    reserving(read_write(0x1A, "CONFIG", 0x2801), 0x013F, 0x0001),
-    reserving(read_write(0x1B, "MUX_CONFIG", 0x020F), 0x1FF8, 0x0208),
-    reserving(read_write(0x1C, "RESET_DEV", 0x0000), 0x7FFF, 0),
-    drive_current(0x1E, "DRIVE_CURRENT0", 0xF83F),
-    drive_current(0x1F, "DRIVE_CURRENT1", 0xF800),
-    drive_current(0x20, "DRIVE_CURRENT2", 0xF800),
-    drive_current(0x21, "DRIVE_CURRENT3", 0xF800),
-    read_only(0x7E, "MANUFACTURER_ID", 0x5449),
-    read_only(0x7F, "DEVICE_ID", 0x3055),
+const REGISTERS: [Register; 14] = [
+    // The results.
+    read_only(0x00, 0x07, 0),
+    // RCOUNT, OFFSET, SETTLECOUNT and CLOCK_DIVIDERS of the four channels.
+    read_write(0x08, 0x0B, 0x0080),
+    read_write(0x0C, 0x0F, 0),
+    read_write(0x10, 0x13, 0),
+    reserving(read_write(0x14, 0x17, 0), 0x0C00, 0),
+    // STATUS, ERROR_CONFIG, CONFIG, MUX_CONFIG and RESET_DEV.
+    read_only(0x18, 0x18, 0),
+    reserving(read_write(0x19, 0x19, 0), 0x0702, 0),
+    reserving(read_write(0x1A, 0x1A, 0x2801), 0x013F, 0x0001),
+    reserving(read_write(0x1B, 0x1B, 0x020F), 0x1FF8, 0x0208),
+    reserving(read_write(0x1C, 0x1C, 0), 0x7FFF, 0),
+    drive_current(0x1E, 0x1E, 0xF83F),
+    drive_current(0x1F, 0x21, 0xF800),
+    // Manufacturer and device.
+    read_only(0x7E, 0x7E, 0x5449),
+    read_only(0x7F, 0x7F, 0x3055),
 ];
 
 /// Description of the register at an address; `None` if there is none.
-#[must_use]
-pub fn describe(address: u8) -> Option<&'static Register> {
+pub(crate) fn describe(address: u8) -> Option<&'static Register> {
     REGISTERS
         .iter()
-        .find(|register| register.address == address)
+        .find(|register| (register.first..=register.last).contains(&address))
 }
 
 /// Number of stored registers: addresses up to the last DRIVE_CURRENT. Results, STATUS and
@@ -150,7 +120,9 @@ impl RegisterFile {
     pub(crate) fn new() -> Self {
         let mut file = Self([0; STORED]);
         for register in &REGISTERS {
-            file.set(register.address, register.reset);
+            for address in register.first..=register.last {
+                file.set(address, register.reset);
+            }
         }
         file
     }
@@ -167,9 +139,10 @@ impl RegisterFile {
     }
 
     /// Applies a write over the bus: changes the register's writable bits only.
-    pub(crate) fn write(&mut self, register: &Register, value: u16) {
-        let kept = self.get(register.address) & !register.writable;
-        self.set(register.address, kept | (value & register.writable));
+    pub(crate) fn write(&mut self, address: u8, value: u16) {
+        let writable = describe(address).map_or(0, |register| register.writable);
+        let kept = self.get(address) & !writable;
+        self.set(address, kept | (value & writable));
     }
 
     fn of_channel(&self, base: u8, channel: u8) -> u16 {

@@ -129,7 +129,7 @@ impl<S: Sensors> Chip<S> {
     /// relative to the reference is random, since the two clocks are independent.
     fn activate(&mut self, channel: u8, at: Moment) {
         self.calibrate(channel, at);
-        let reference_hz = self.reference_hz(channel, at);
+        let reference_hz = self.reference_hz(channel);
         let settle_s = self.registers.settle_clocks(channel) / reference_hz;
         let phase = self.random.uniform();
         self.feed_watchdog(at);
@@ -157,7 +157,7 @@ impl<S: Sensors> Chip<S> {
             offset: self.registers.offset(channel),
             sensor_divider: self.registers.sensor_divider(channel),
             deglitch: self.registers.mux().deglitch(),
-            reference_hz: self.reference_hz(channel, at),
+            reference_hz: self.reference_hz(channel),
             drive_code: self.drive_code(channel),
             amplitude_v,
             settled_v,
@@ -206,7 +206,7 @@ impl<S: Sensors> Chip<S> {
     /// Handles the watchdog's timeout: checks whether the sensor oscillates and the reference runs.
     fn watch(&mut self, at: Moment) {
         let channel = self.sequence.channel;
-        if self.reference_hz(channel, at) > 0.0 && self.oscillates(channel, at) {
+        if self.reference_hz(channel) > 0.0 && self.oscillates(channel, at) {
             self.feed_watchdog(at);
         } else if self.registers.mux().autoscan() {
             self.results
@@ -230,11 +230,11 @@ impl<S: Sensors> Chip<S> {
 
     /// True reference frequency of a channel, Hz; zero if its clock is missing, or if its divider
     /// is zero, which is a reserved value.
-    pub(crate) fn reference_hz(&self, channel: u8, at: Moment) -> f64 {
+    pub(crate) fn reference_hz(&self, channel: u8) -> f64 {
         let source_hz = if self.registers.config().external_clock() {
             let lost = self.clkin_is_lost();
             let clock = self.settings.external_clock.filter(|_| !lost);
-            clock.map_or(0.0, |clock| clock.at(at.seconds()))
+            clock.map_or(0.0, |clock| clock.true_hz())
         } else {
             self.settings.internal_hz()
         };

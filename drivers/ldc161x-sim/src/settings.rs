@@ -6,7 +6,6 @@ use crate::time::Time;
 
 /// Chip type. The identity registers of both types are the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PartNumber {
     /// Two channels. Its registers are those of the LDC1614; sequences stop at channel 1, and only
     /// the low bit of ACTIVE_CHAN counts (guess: the same die with two channels bonded).
@@ -18,36 +17,30 @@ pub enum PartNumber {
 
 /// The clock at the CLKIN pin.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ExternalClock {
     /// Nominal frequency, Hz; 2 MHz to 40 MHz (datasheet 6.5).
     pub frequency_hz: f64,
-    /// Relative error of the frequency at time zero (1e-6 is one part per million).
+    /// Relative error of the frequency (1e-6 is one part per million).
     pub relative_error: f64,
-    /// Rate of change of the relative error, 1/s.
-    pub drift_per_s: f64,
 }
 
 impl ExternalClock {
-    /// An exact clock without drift.
+    /// An exact clock.
     #[must_use]
     pub const fn exact(frequency_hz: f64) -> Self {
         Self {
             frequency_hz,
             relative_error: 0.0,
-            drift_per_s: 0.0,
         }
     }
 
-    pub(crate) fn at(&self, time_s: f64) -> f64 {
-        self.frequency_hz * (1.0 + self.relative_error + self.drift_per_s * time_s)
+    pub(crate) fn true_hz(&self) -> f64 {
+        self.frequency_hz * (1.0 + self.relative_error)
     }
 }
 
 /// The internal oscillator.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
 pub struct InternalClock {
     /// True frequency at 25 °C, Hz: 35 MHz to 55 MHz, typically 43.4 MHz (datasheet 6.5).
     pub frequency_hz: f64,
@@ -73,14 +66,9 @@ impl Default for InternalClock {
 
 /// Counting and noise of conversions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
 pub struct Conversions {
     /// Whether words are computed from whole counts M/N, as in silicon, or from the exact ratio.
     pub quantised: bool,
-    /// Time at the start of a gate during which no edge is counted. `None` selects the start-up
-    /// that was fitted to recorded words for the method in [`Switches::counter`].
-    pub start_up: Option<StartUp>,
     /// Delay of the falling edge after the rising one, as a fraction of the sensor's period between
     /// 0 and 1, for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 equally well and
     /// an even duty, 0.5, less well; the default is 0.2.
@@ -103,7 +91,6 @@ impl Default for Conversions {
     fn default() -> Self {
         Self {
             quantised: true,
-            start_up: None,
             falling_edge: 0.2,
             noise_at_1ms: 1e-6,
             panels: 2,
@@ -116,7 +103,7 @@ impl Conversions {
     pub(crate) fn core(&self, switches: &Switches) -> Core {
         Core {
             counter: switches.counter,
-            start_up: self.start_up.unwrap_or(StartUp::of(switches.counter)),
+            start_up: StartUp::of(switches.counter),
             falling_edge: self.falling_edge,
         }
     }
@@ -124,8 +111,6 @@ impl Conversions {
 
 /// Effects of the drive current and of the amplitude on the sensor's frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
 pub struct SensorDrive {
     /// Relative shift of the frequency for each step of the drive code, counted from code 0. The
     /// datasheet mentions "an output code offset when the current drive is changed" (8.1.5); its
@@ -169,8 +154,6 @@ impl Default for SensorDrive {
 /// };
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
 pub struct Settings {
     /// Chip type.
     pub part: PartNumber,

@@ -6,10 +6,8 @@ use core::ops::{Add, AddAssign, Sub};
 /// A point in simulated time, or a duration, in whole picoseconds.
 ///
 /// The largest time is 213 days. All arithmetic saturates: a time never wraps and never panics. A
-/// point in time counts from the creation of the chip. With `serde` it is serialised as its number
-/// of picoseconds.
+/// point in time counts from the creation of the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Time(u64);
 
 impl Time {

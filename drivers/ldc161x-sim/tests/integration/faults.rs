@@ -1,49 +1,193 @@
-//! Faults of the chip, its supply and its clock, and how a test observes each of them.
+//! Faults of the wires, the chip, its supply and its clock: what the bus sees of each, and its end.
 
 use crate::common::*;
-use embedded_hal::i2c::NoAcknowledgeSource;
-use ldc161x_sim::{
-    Ack, ChipFault, ExternalClock, FAULT_SLOTS, FaultEvent, FaultState, I2cError, Lost, Path,
-    ScheduleFull, Settings, Span, Strike, Time, Trigger,
-};
+use embedded_hal::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource, Operation};
+use ldc161x_sim::{ChipFault, ExternalClock, FaultEvent, I2cError, Lost, Path, Strike, Time};
 
 const T0: Time = Time::ZERO;
 const ADDRESS_NACK: I2cError = I2cError::NoAcknowledge(NoAcknowledgeSource::Address);
+const DATA_NACK: I2cError = I2cError::NoAcknowledge(NoAcknowledgeSource::Data);
 
 fn rig() -> ChipRig<[f64; 4]> {
     ChipRig::new(quiet(40e6), [3e6; 4])
 }
 
+// ---- the wires ----
+
 #[test]
-fn a_full_brown_out_is_a_power_on_reset() {
+fn nack_after_each_number_of_bytes() {
+    // A register write consists of address, pointer, high byte and low byte.
+    for after_bytes in 0..4 {
+        let rig = rig();
+        rig.in_next(2, ChipFault::Nack { after_bytes });
+        let expected = if after_bytes == 0 {
+            ADDRESS_NACK
+        } else {
+            DATA_NACK
+        };
+        for _ in 0..2 {
+            assert_eq!(rig.try_write(0x08, 0x1234), Err(expected), "{after_bytes}");
+            assert_eq!(rig.chip.borrow().register(0x08), 0x0080);
+        }
+        assert_eq!(rig.try_write(0x08, 0x1234), Ok(()), "two transactions only");
+        assert_eq!(rig.read(0x08), 0x1234);
+        // The chip itself refused: that is no early termination.
+        assert_eq!(rig.chip.borrow().misuse(), Default::default());
+    }
+    // S a p S a d d S <- this is the sixth byte that the master sends, and the eighth of all.
     let rig = rig();
-    rig.single(1000);
-    rig.wait(ms(2));
-    let fault = rig.for_time(T0, ChipFault::BrownOut(Lost::Everything));
-    assert!(!rig.intb_is_low());
-    assert!(!rig.chip.borrow().is_converting());
-    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK), "it has to wake up");
-    rig.wait(ms(2));
-    assert_eq!(rig.read(0x08), 0x0080);
-    assert_eq!(rig.read(0x1A), 0x2801);
-    let state = rig.chip.borrow().fault_state(fault);
-    assert!(matches!(state, Some(FaultState::Over { since, until }) if since == until));
+    rig.in_next(1, ChipFault::Nack { after_bytes: 5 });
+    let (mut high, mut low) = ([0; 2], [0; 2]);
+    let mut operations = [
+        Operation::Write(&[0x7E]),
+        Operation::Read(&mut high),
+        Operation::Write(&[0x7F]),
+        Operation::Read(&mut low),
+    ];
+    let outcome = rig.bus().transaction(ADDRESS, &mut operations);
+    assert_eq!((outcome, high), (Err(ADDRESS_NACK), [0x54, 0x49]));
+    assert_eq!(rig.read(0x7F), 0x3055, "one transaction from START to STOP");
 }
 
 #[test]
-fn a_partial_brown_out_changes_the_chosen_registers_alone() {
+fn lines_that_are_held_block_until_the_deadline_or_delay() {
+    let sda = ChipFault::SdaStuck { clocks: None };
+    for (fault, error, kind) in [
+        (sda, I2cError::Bus, ErrorKind::Bus),
+        (ChipFault::SclStuck, I2cError::Timeout, ErrorKind::Other),
+    ] {
+        let rig = rig();
+        rig.for_time(ms(50), fault);
+        assert_eq!(rig.chip.borrow_mut().sda_held_low(T0), fault == sda);
+        let held_until = rig.chip.borrow_mut().scl_held_until(T0);
+        assert_eq!(held_until, (fault != sda).then_some(ms(50)));
+        let mut bus = rig.bus().with_deadline(ms(5));
+        assert_eq!(bus.write(ADDRESS, &[0x00]), Err(error));
+        assert_eq!(error.kind(), kind);
+        assert!((ms(5)..ms(6)).contains(&rig.now()), "{}", rig.now());
+        rig.wait(ms(50));
+        assert_eq!(rig.read(0x7E), 0x5449);
+        // Shorter than the deadline.
+        let begin = rig.now();
+        rig.for_time(us(100), fault);
+        assert_eq!(rig.read(0x7E), 0x5449);
+        assert_eq!(rig.now(), begin + us(100 + 120));
+    }
+    // SDA within the high byte of a write, whose pointer byte ends at 47.5 us; and within the data
+    // of a read, which start at 72.5 us.
+    let rig = rig();
+    rig.schedule(FaultEvent::at(us(50), sda, us(60)));
+    assert_eq!(rig.try_write(0x08, 0x1234), Err(I2cError::ArbitrationLoss));
+    let rig = self::rig();
+    rig.schedule(FaultEvent::at(us(80), sda, us(60)));
+    assert_eq!(rig.read(0x7E), 0x5400);
+    // SCL within a read: the transfer is stretched.
+    let rig = self::rig();
+    rig.schedule(FaultEvent::at(us(50), ChipFault::SclStuck, us(500)));
+    assert_eq!(rig.read(0x7E), 0x5449);
+    assert!(rig.now() > us(500), "{}", rig.now());
+}
+
+#[test]
+fn nine_clocks_free_sda_where_they_can() {
+    for (needed, freed) in [(Some(9), true), (Some(10), false), (None, false)] {
+        let rig = rig();
+        rig.for_time(ms(500), ChipFault::SdaStuck { clocks: needed });
+        let mut bus = rig.bus();
+        bus.clock_pulses(9).expect("not borrowed");
+        assert_eq!(bus.write(ADDRESS, &[0x00]).is_ok(), freed, "{needed:?}");
+    }
+}
+
+#[test]
+fn bit_flips_strike_the_chosen_byte() {
+    let rig = rig();
+    let flip_next = |path, byte| {
+        let strike = Strike::Byte(byte);
+        rig.in_next(1, ChipFault::BitFlip { path, strike });
+    };
+    // Data bytes that the chip sends, and one that it receives.
+    for (byte, of_byte) in [(0, 0xFF00), (1, 0x00FF)] {
+        flip_next(Path::ReadData, byte);
+        let flipped = rig.read(0x7E) ^ 0x5449;
+        assert!(flipped.is_power_of_two() && flipped & of_byte != 0);
+        assert_eq!(rig.read(0x7E), 0x5449);
+    }
+    flip_next(Path::WriteData, 1);
+    rig.write(0x08, 0x1234);
+    let flipped = rig.read(0x08) ^ 0x1234;
+    assert!(flipped.is_power_of_two() && flipped < 0x100);
+    // In the pointer: another register is written.
+    flip_next(Path::Pointer, 0);
+    rig.write(0x09, 0x5555);
+    assert_eq!(rig.read(0x09), 0x0080);
+    // By chance: one of the two bytes of a read with a probability of 1 - 0.9^2 = 0.19. The noise
+    // of the conversions is not touched by these draws.
+    let strike = Strike::Probability(0.1);
+    let path = Path::ReadData;
+    rig.in_next(u32::MAX, ChipFault::BitFlip { path, strike });
+    let wrong = (0..5_000).filter(|_| rig.read(0x7E) != 0x5449).count();
+    assert!((850..1_050).contains(&wrong), "{wrong} of 5000");
+}
+
+#[test]
+fn an_early_stop_cuts_the_transaction() {
+    let rig = rig();
+    rig.in_next(1, ChipFault::EarlyStop { after_bytes: 3 });
+    assert_eq!(rig.try_write(0x08, 0x1234), Err(DATA_NACK));
+    assert_eq!(rig.chip.borrow().register(0x08), 0x1280, "half written");
+    let misuse = rig.chip.borrow().misuse();
+    assert_eq!(misuse, Default::default(), "the master did no wrong");
+    assert_ne!(rig.read(0x7E), 0x5449, "the next transaction is slipped");
+    assert_eq!(rig.read(0x7E), 0x5449);
+    // Within a read: the line floats high afterwards.
+    rig.in_next(1, ChipFault::EarlyStop { after_bytes: 4 });
+    assert_eq!(rig.read(0x7E), 0x54FF);
+}
+
+#[test]
+fn an_absent_chip_and_a_foreign_one() {
+    let rig = rig();
+    let foreign = ChipFault::WrongIdentity {
+        manufacturer: 0x5449,
+        device: 0x3054,
+    };
+    rig.in_next(2, foreign);
+    assert_eq!((rig.read(0x7E), rig.read(0x7F)), (0x5449, 0x3054));
+    assert_eq!(rig.read(0x7F), 0x3055);
+    rig.for_time(ms(1), ChipFault::Absent);
+    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
+    rig.wait(ms(1));
+    assert_eq!(rig.read(0x7E), 0x5449);
+}
+
+// ---- chip, supply and clock ----
+
+#[test]
+fn a_brown_out_loses_all_registers_or_the_chosen_ones() {
     let rig = rig();
     rig.single(1000);
-    rig.convert(0, 1);
-    let done = rig.chip.borrow().conversions(0);
+    rig.wait(ms(2));
+    rig.for_time(T0, ChipFault::BrownOut(Lost::Everything));
+    assert!(!rig.intb_is_low());
+    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK), "it has to wake up");
+    rig.wait(ms(2));
+    assert_eq!((rig.read(0x08), rig.read(0x1A)), (0x0080, 0x2801));
+
+    rig.single(1000);
     // These registers are reset: RCOUNT0, ERROR_CONFIG and DRIVE_CURRENT0.
     let which = 1 << 0x08 | 1 << 0x19 | 1 << 0x1E;
     rig.for_time(T0, ChipFault::BrownOut(Lost::Registers(which)));
-    assert_eq!(rig.read(0x08), 0x0080);
-    assert_eq!(rig.read(0x19), 0x0000);
-    assert_eq!(rig.read(0x1E), 0x0000);
-    assert_eq!(rig.read(0x10), 16, "settling is kept");
-    assert_eq!(rig.read(0x1A), 0x1601, "and it goes on converting");
+    for (register, value) in [
+        (0x08, 0x0080),
+        (0x19, 0),
+        (0x1E, 0),
+        (0x10, 16),
+        (0x1A, 0x1601),
+    ] {
+        assert_eq!(rig.read(register), value, "{register:#04x}");
+    }
+    let done = rig.chip.borrow().conversions(0);
     rig.wait(ms(2));
     assert!(rig.chip.borrow().conversions(0) > done);
     // If CONFIG is among the registers that are reset, the chip falls asleep.
@@ -52,48 +196,19 @@ fn a_partial_brown_out_changes_the_chosen_registers_alone() {
 }
 
 #[test]
-fn the_supply_can_dip_by_hand() {
-    let rig = rig();
-    rig.single(1000);
-    rig.chip.borrow_mut().brown_out();
-    rig.wait(ms(2));
-    assert_eq!(rig.read(0x1A), 0x2801);
-}
-
-#[test]
 fn an_upset_register_stays_upset() {
+    let upset = |address, bits| ChipFault::RegisterUpset { address, bits };
     let rig = rig();
     rig.single(2500);
-    let event = FaultEvent::at(
-        ms(3),
-        ChipFault::RegisterUpset {
-            address: 0x08,
-            bits: 0x0400,
-        },
-        T0,
-    );
-    rig.schedule(event);
+    rig.schedule(FaultEvent::at(ms(3), upset(0x08, 0x0400), T0));
     rig.wait(ms(1));
     assert_eq!(rig.read(0x08), 2500);
     rig.wait(ms(3));
     assert_eq!(rig.read(0x08), 2500 ^ 0x0400);
-    // Flipping the sleep bit of CONFIG puts the chip to sleep.
-    rig.for_time(
-        T0,
-        ChipFault::RegisterUpset {
-            address: 0x1A,
-            bits: 0x2000,
-        },
-    );
+    // The sleep bit of CONFIG puts the chip to sleep, and wakes it.
+    rig.for_time(T0, upset(0x1A, 0x2000));
     assert!(!rig.chip.borrow().is_converting());
-    // Flipping it again wakes the chip.
-    rig.for_time(
-        T0,
-        ChipFault::RegisterUpset {
-            address: 0x1A,
-            bits: 0x2000,
-        },
-    );
+    rig.for_time(T0, upset(0x1A, 0x2000));
     rig.convert(0, 1);
 }
 
@@ -108,213 +223,59 @@ fn a_stuck_interrupt_line() {
     rig.for_time(ms(5), ChipFault::IntbStuck { low: false });
     rig.convert(0, 1);
     assert!(!rig.intb_is_low());
-    assert_eq!(
-        rig.chip.borrow().interrupts(),
-        1,
-        "the chip itself did its part"
-    );
+    assert_eq!(rig.chip.borrow().interrupts(), 1, "the chip did its part");
     rig.wait(ms(5));
     assert!(rig.intb_is_low());
 }
 
 #[test]
-fn a_lost_clock_aborts_the_conversion_and_its_return_restarts_it() {
+fn a_lost_clock_stops_what_counts_with_it_until_it_returns() {
+    // CONFIG with the clock at CLKIN, and with the internal one.
+    for (config, conversions) in [(0x1601, 0..=0), (0x1401, 11..=12)] {
+        let rig = rig();
+        rig.single(2500);
+        rig.configure(&[(0x1A, config | 0x2000), (0x1A, config)]);
+        rig.convert(0, 1);
+        rig.read(0x18);
+        rig.wait(us(300));
+        rig.for_time(ms(12), ChipFault::ClockLoss);
+        let done = rig.chip.borrow().conversions(0);
+        rig.wait(ms(11));
+        let since = rig.chip.borrow().conversions(0) - done;
+        assert!(conversions.contains(&since), "{config:#06x}: {since}");
+        let aborted = rig.read(0x18) & 0x0800 != 0;
+        assert_eq!(aborted, config == 0x1601, "the watchdog notices");
+        rig.wait(ms(2));
+        rig.convert(0, 1);
+        assert!(rig.last(0).errors.is_empty() && !rig.last(0).spoilt);
+    }
+    // Another clock is counted with from then on.
     let rig = rig();
     rig.single(2500);
     rig.convert(0, 1);
-    rig.read(0x18);
-    rig.wait(us(300));
-    rig.for_time(ms(12), ChipFault::ClockLoss);
-    let done = rig.chip.borrow().conversions(0);
-    rig.wait(ms(11));
-    assert_eq!(rig.chip.borrow().conversions(0), done);
-    assert_eq!(rig.read(0x18) & 0x0800, 0x0800, "the watchdog notices");
-    rig.wait(ms(2));
-    rig.convert(0, 1);
-    let truth = *rig.chip.borrow().last_conversion(0).expect("a conversion");
-    assert!(truth.errors.is_empty() && !truth.spoilt);
-    assert_eq!(truth.end - truth.start, ms(1));
-}
-
-#[test]
-fn a_lost_clkin_does_not_matter_to_the_internal_oscillator() {
-    let rig = rig();
-    rig.single(2500);
-    rig.write(0x1A, 0x3401);
-    rig.write(0x1A, 0x1401);
-    rig.convert(0, 1);
-    let done = rig.chip.borrow().conversions(0);
-    rig.for_time(ms(10), ChipFault::ClockLoss);
-    rig.wait(ms(5));
-    assert!(rig.chip.borrow().conversions(0) >= done + 4);
-}
-
-#[test]
-fn the_test_can_know_when_a_fault_acts() {
-    let rig = rig();
-    let event = FaultEvent::at(ms(1), ChipFault::Absent, ms(2));
-    let fault = rig.schedule(event);
-    let state = || rig.chip.borrow().fault_state(fault);
-    assert_eq!(state(), Some(FaultState::Waiting));
-    assert!(!rig.chip.borrow().is_disturbed());
-    assert_eq!(rig.chip.borrow().next_event(), Some(ms(1)));
-    rig.wait(ms(2));
-    assert_eq!(state(), Some(FaultState::Active { since: ms(1) }));
-    assert!(rig.chip.borrow().is_disturbed());
-    rig.wait(ms(2));
-    assert_eq!(
-        state(),
-        Some(FaultState::Over {
-            since: ms(1),
-            until: ms(3)
-        })
-    );
-    let log = rig.chip.borrow().disturbances();
-    assert_eq!((log.begun, log.ended), (1, 1));
-    let over = state();
-    rig.chip.borrow_mut().clear_faults();
-    assert_eq!(state(), over, "what is over is remembered");
-}
-
-#[test]
-fn faults_last_until_cleared() {
-    let rig = rig();
-    rig.schedule(FaultEvent::from(ms(1), ChipFault::Absent));
-    rig.schedule(FaultEvent::from(ms(900), ChipFault::Absent));
-    rig.schedule(FaultEvent {
-        trigger: Trigger::At(T0),
-        span: Span::Forever,
-        fault: ChipFault::ClockLoss,
-    });
-    rig.wait(ms(500));
-    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
-    rig.chip.borrow_mut().clear_faults();
-    assert!(!rig.chip.borrow().is_disturbed());
-    rig.wait(ms(500));
-    assert_eq!(rig.read(0x7E), 0x5449, "what waited is forgotten too");
-}
-
-#[test]
-fn the_schedule_is_bounded_and_reuses_what_is_over() {
-    let rig = rig();
-    let far = FaultEvent::from(ms(1_000), ChipFault::Absent);
-    for _ in 0..FAULT_SLOTS {
-        rig.schedule(far);
-    }
-    assert_eq!(rig.chip.borrow_mut().schedule(far), Err(ScheduleFull));
-    rig.chip.borrow_mut().clear_faults();
-    let first = rig.schedule(FaultEvent::at(rig.now(), ChipFault::Absent, us(1)));
-    rig.wait(us(10));
-    for _ in 0..FAULT_SLOTS {
-        rig.schedule(FaultEvent::at(rig.now(), ChipFault::Absent, us(1)));
-        rig.wait(us(10));
-    }
-    assert_eq!(
-        rig.chip.borrow().fault_state(first),
-        None,
-        "its slot was needed"
-    );
-    assert_eq!(
-        rig.chip.borrow().disturbances().ended,
-        FAULT_SLOTS as u64 + 1
-    );
-}
-
-#[test]
-fn faults_draw_nothing_from_the_noise() {
-    let words = |with_fault: bool| {
-        let rig = ChipRig::new(Settings::default(), [3e6; 4]);
-        if with_fault {
-            let strike = Strike::Probability(0.5);
-            let fault = ChipFault::BitFlip {
-                path: Path::ReadData,
-                strike,
-            };
-            rig.schedule(FaultEvent::from(ms(5), fault));
-        }
-        rig.single(500);
-        (0..50)
-            .map(|_| {
-                rig.convert(0, 1);
-                rig.frame(0);
-                let chip = rig.chip.borrow();
-                chip.last_conversion(0).expect("a conversion").word
-            })
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(words(false), words(true));
-}
-
-#[test]
-fn a_dip_amid_a_transaction_leaves_it_one_transaction() {
-    let rig = rig();
-    rig.in_next(1, ChipFault::IntbStuck { low: true });
-    let mut chip = rig.chip.borrow_mut();
-    chip.start(T0, ADDRESS << 1);
-    chip.brown_out();
-    assert_eq!(chip.write(T0, 0x7E), Ack::Nack, "not addressed any more");
-    assert_eq!(chip.start(ms(3), ADDRESS << 1), Ack::Ack);
-    assert!(chip.is_disturbed());
-    chip.stop(ms(3));
-    assert!(!chip.is_disturbed());
-    assert_eq!(chip.traffic().transactions, 1);
-}
-
-#[test]
-fn a_late_fault_begins_at_once() {
-    let rig = rig();
-    rig.wait(ms(5));
-    let event = FaultEvent::at(ms(1), ChipFault::Absent, ms(1));
-    let fault = rig.chip.borrow_mut().schedule(event).expect("a free slot");
-    assert_eq!(
-        rig.chip.borrow().fault_state(fault),
-        Some(FaultState::Active { since: ms(5) })
-    );
-}
-
-#[cfg(feature = "serde")]
-#[test]
-fn settings_and_faults_can_be_written_down() {
-    let settings = Settings {
-        seed: 5,
-        ..Settings::ideal()
-    };
-    let text = serde_json::to_string(&settings).expect("text");
-    assert_eq!(
-        serde_json::from_str::<Settings>(&text).expect("settings"),
-        settings
-    );
-    let partial: Settings = serde_json::from_str(r#"{"seed": 9}"#).expect("the rest is default");
-    assert_eq!(
-        partial,
-        Settings {
-            seed: 9,
-            ..Settings::default()
-        }
-    );
-    let event = FaultEvent::at(ms(1), ChipFault::Nack { after_bytes: 2 }, ms(2));
-    let text = serde_json::to_string(&event).expect("text");
-    assert_eq!(
-        serde_json::from_str::<FaultEvent>(&text).expect("an event"),
-        event
-    );
-}
-
-#[test]
-fn another_clock_at_clkin_is_counted_with_from_then_on() {
-    let rig = rig();
-    rig.single(2_500);
-    rig.convert(0, 1);
-    let word = || rig.chip.borrow().last_conversion(0).unwrap().word;
-    let at_40_mhz = f64::from(word());
+    let at_40_mhz = f64::from(rig.last(0).word);
     let slower = Some(ExternalClock::exact(20e6));
     rig.chip.borrow_mut().set_external_clock(slower);
     rig.convert(0, 1);
-    let ratio = f64::from(word()) / at_40_mhz;
+    let ratio = f64::from(rig.last(0).word) / at_40_mhz;
     assert!((ratio - 2.0).abs() < 1e-3, "{ratio}");
-    rig.chip.borrow_mut().set_external_clock(None);
-    let before = rig.chip.borrow().conversions(0);
-    let later = rig.chip.borrow().now() + ms(4);
-    rig.chip.borrow_mut().advance_to(later);
-    assert_eq!(rig.chip.borrow().conversions(0), before);
+}
+
+// ---- the schedule ----
+
+#[test]
+fn a_fault_begins_at_its_time_and_lasts_until_it_is_cleared() {
+    let rig = rig();
+    rig.schedule(FaultEvent::from(ms(1), ChipFault::Absent));
+    rig.schedule(FaultEvent::from(ms(900), ChipFault::Absent));
+    assert_eq!(rig.chip.borrow().next_event(), Some(ms(1)));
+    assert_eq!(rig.read(0x7E), 0x5449);
+    rig.wait(ms(500));
+    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
+    rig.chip.borrow_mut().clear_faults();
+    rig.wait(ms(500));
+    assert_eq!(rig.read(0x7E), 0x5449, "what waited is forgotten too");
+    // One that comes too late begins at once.
+    rig.schedule(FaultEvent::at(ms(1), ChipFault::Absent, ms(1)));
+    assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
 }

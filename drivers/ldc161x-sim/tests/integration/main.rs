@@ -7,6 +7,4 @@ mod drive;
 mod faults;
 mod registers;
 mod reporting;
-mod robust;
 mod schedule;
-mod wire_faults;

@@ -1,13 +1,12 @@
 //! Helpers of all tests. Registers are plain numbers on purpose: the tests must not use the crate's
 //! own transcription of the datasheet.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use core::cell::RefCell;
 
 use embedded_hal::i2c::{I2c, Operation};
 use ldc161x_sim::{
-    Bus, Chip, ChipFault, Conversions, ExternalClock, FaultEvent, FaultId, I2cError, SensorDrive,
-    Sensors, Settings, Switches, Time,
+    Bus, Chip, ChipFault, Conversions, ExternalClock, FaultEvent, I2cError, Sensors, Settings,
+    Switches, Time, TrueConversion,
 };
 
 pub(crate) const ADDRESS: u8 = 0x2A;
@@ -41,11 +40,6 @@ pub(crate) fn with_switches(settings: Settings, change: impl FnOnce(&mut Switche
         switches,
         ..settings
     }
-}
-
-/// Settings without shift by the drive; all other settings have their defaults.
-pub(crate) fn no_shift() -> SensorDrive {
-    Settings::ideal().drive
 }
 
 /// A chip on a 400 kHz bus.
@@ -83,6 +77,12 @@ impl<S: Sensors> ChipRig<S> {
         self.try_write(register, value).expect("the chip answers");
     }
 
+    pub(crate) fn configure(&self, writes: &[(u8, u16)]) {
+        for &(register, value) in writes {
+            self.write(register, value);
+        }
+    }
+
     /// Reads one channel's result as a driver does: both halves in one transaction.
     pub(crate) fn frame(&self, channel: u8) -> (u16, u32) {
         let (mut high, mut low) = ([0; 2], [0; 2]);
@@ -117,8 +117,14 @@ impl<S: Sensors> ChipRig<S> {
     pub(crate) fn single(&self, rcount: u16) {
         self.prepare(0, rcount, 16);
         self.write(0x1E, 0xA800); // code 21: 342 uA, 1.31 V at 3 kohm
-        self.write(0x19, 0xF8FD);
-        self.write(0x1B, 0x020D);
+        self.configure(&[(0x19, 0xF8FD), (0x1B, 0x020D), (0x1A, 0x1601)]);
+    }
+
+    /// As [`ChipRig::single`], with other values in some registers.
+    pub(crate) fn single_with(&self, rcount: u16, writes: &[(u8, u16)]) {
+        self.single(rcount);
+        self.write(0x1A, 0x3601);
+        self.configure(writes);
         self.write(0x1A, 0x1601);
     }
 
@@ -128,29 +134,23 @@ impl<S: Sensors> ChipRig<S> {
             self.prepare(channel, rcount, settle);
             self.write(0x1E + channel, 0xA800);
         }
-        self.write(0x19, 0xF8FD);
-        let sequence: u16 = match last {
-            2 => 0x2000,
-            3 => 0x4000,
-            _ => 0,
-        };
-        self.write(0x1B, 0x820D | sequence);
-        self.write(0x1A, 0x1601);
+        let sequence = [0, 0, 0x2000, 0x4000][usize::from(last)];
+        self.configure(&[(0x19, 0xF8FD), (0x1B, 0x820D | sequence), (0x1A, 0x1601)]);
     }
 
-    pub(crate) fn schedule(&self, event: FaultEvent) -> FaultId {
-        self.chip.borrow_mut().schedule(event).expect("a free slot")
+    pub(crate) fn schedule(&self, event: FaultEvent) {
+        self.chip.borrow_mut().schedule(event).expect("a free slot");
     }
 
     /// Schedules a fault for the next `count` transactions.
-    pub(crate) fn in_next(&self, count: u32, fault: ChipFault) -> FaultId {
+    pub(crate) fn in_next(&self, count: u32, fault: ChipFault) {
         let number = self.chip.borrow().traffic().transactions;
-        self.schedule(FaultEvent::in_transactions(number, count, fault))
+        self.schedule(FaultEvent::in_transactions(number, count, fault));
     }
 
     /// Schedules a fault that starts now and lasts for a time.
-    pub(crate) fn for_time(&self, lasting: Time, fault: ChipFault) -> FaultId {
-        self.schedule(FaultEvent::at(self.now(), fault, lasting))
+    pub(crate) fn for_time(&self, lasting: Time, fault: ChipFault) {
+        self.schedule(FaultEvent::at(self.now(), fault, lasting));
     }
 
     pub(crate) fn now(&self) -> Time {
@@ -175,6 +175,12 @@ impl<S: Sensors> ChipRig<S> {
 
     pub(crate) fn intb_is_low(&self) -> bool {
         self.chip.borrow().intb_is_low()
+    }
+
+    /// The truth about a channel's last conversion.
+    pub(crate) fn last(&self, channel: u8) -> TrueConversion {
+        let chip = self.chip.borrow();
+        *chip.last_conversion(channel).expect("a conversion")
     }
 
     /// Runs until a channel has finished `count` more conversions.
