@@ -93,7 +93,6 @@ impl Gauges {
 pub struct Rig {
     world: World,
     gauges: Gauges,
-    specimen: Specimen,
 }
 
 impl Rig {
@@ -146,7 +145,6 @@ impl Rig {
         Ok(Self {
             world: World::of(parameters, setup)?,
             gauges,
-            specimen,
         })
     }
 
@@ -175,15 +173,6 @@ impl Rig {
     #[must_use]
     pub fn into_parts(self) -> (World, Gauges) {
         (self.world, self.gauges)
-    }
-
-    /// Nominal stiffness marked on the spring, N/m; `None` for a block.
-    #[must_use]
-    pub fn nominal_spring_n_per_m(&self) -> Option<f64> {
-        match self.specimen {
-            Specimen::Spring { nominal_n_per_m } => Some(nominal_n_per_m),
-            Specimen::Block => None,
-        }
     }
 }
 

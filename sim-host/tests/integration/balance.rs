@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use palpate_sim::mechanics::friction::FrictionParameters;
-use palpate_sim::mechanics::{load::Load, press::Profile};
+use palpate_sim::mechanics::load::Load;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
@@ -58,28 +58,6 @@ fn all_balances_hold_to_1e_9_in_every_plant() {
 }
 
 #[test]
-fn they_hold_for_loads_that_are_no_springs() {
-    let plant = plant("soft-closed", 3);
-    for load in [
-        Load::Rigid,
-        Load::Hardening {
-            n_per_m: 5e3,
-            cubic_n_per_m3: 4e11,
-        },
-        Load::Spring { n_per_m: 20.0 },
-    ] {
-        exercise(world(
-            &plant,
-            Switches::all(),
-            Setup {
-                load,
-                ..pressed(&plant)
-            },
-        ));
-    }
-}
-
-#[test]
 fn they_hold_with_friction_and_a_pull_on_the_load() {
     let mut plant = plant("ultrasoft", 4);
     plant.friction = FrictionParameters {
@@ -101,65 +79,4 @@ fn they_hold_with_friction_and_a_pull_on_the_load() {
         };
         exercise(world(&plant, Switches::all(), setup));
     }
-}
-
-#[test]
-fn the_work_of_the_press_is_the_integral_of_its_force() {
-    // Independent of the balance of work: the trapezoidal rule over external samples, 0.1 ms apart.
-    let plant = plant("ultrasoft", 5);
-    let load = Load::Hardening {
-        n_per_m: 3e3,
-        cubic_n_per_m3: 5e10,
-    };
-    let mut world = world(
-        &plant,
-        Switches::all(),
-        Setup {
-            load,
-            ..pressed(&plant)
-        },
-    );
-    let (mut work, mut last) = (0.0, world.truth());
-    for _ in 0..4_000 {
-        world.advance(palpate_sim::Time::from_us(100));
-        let truth = world.truth();
-        work += 0.5 * (last.force_n + truth.force_n) * (truth.press_m - last.press_m);
-        last = truth;
-    }
-    let error = work / last.energy.press_j - 1.0;
-    assert!(error.abs() < 3e-6, "{error}");
-}
-
-#[test]
-fn creep_dissipates_what_theory_says() {
-    // Under a constant force, a Kelvin element dissipates half of the energy it receives.
-    let mut plant = middle("ultrasoft");
-    plant.actuated.spring_n_per_m = 1e8;
-    for mode in plant
-        .sensing
-        .creep
-        .iter_mut()
-        .chain(&mut plant.actuated.creep)
-    {
-        mode.tau_s = 0.2;
-    }
-    let soft = Load::Spring { n_per_m: 10.0 };
-    let profile = Profile::at(-1e-6).then_move(0.1, 1e3);
-    let setup = Setup {
-        load: soft,
-        profile,
-        ..Setup::default()
-    };
-    let mut world = world(&plant, Switches::only("creep").expect("known"), setup);
-    world.advance(ms(8_000));
-    let truth = world.truth();
-    let expected = 0.5 * truth.force_n * truth.sensing_creep_m;
-    let actual = truth.energy.dissipated_j;
-    // The force is not quite constant: by the creep, it falls by 3e-4 on the soft load, which is
-    // compressed by 0.1 m.
-    assert!(
-        (actual / expected - 1.0).abs() < 2e-3,
-        "{actual} {expected}"
-    );
-    assert!((truth.sensing_creep_m * 6e3 / truth.force_n - 0.18).abs() < 1e-3);
 }

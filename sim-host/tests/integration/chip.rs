@@ -1,37 +1,13 @@
 //! The world behind a simulated converter, as a driver reads it.
 
-use core::cell::RefCell;
-
 use crate::common::*;
 use embedded_hal::i2c::{I2c, Operation};
-use ldc161x_sim::{Bus, Chip, Settings};
+use ldc161x_sim::{Bus, Settings};
 use palpate_sim::Time;
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{SharedWorld, World};
 
 const CLOCK_HZ: f64 = 30e6;
-
-type SharedChip = RefCell<Chip<SharedWorld>>;
-
-/// Starts conversions of 1 ms on channel 0.
-fn converting(world: &SharedWorld, settings: Settings) -> SharedChip {
-    let chip = RefCell::new(Chip::new(settings, world.clone()));
-    let mut bus = Bus::new(&chip, 400_000);
-    for (register, value) in [
-        (0x08_u8, 1875_u16),
-        (0x10, 100),
-        (0x14, 0x1001),
-        (0x1E, 0x7800), // code 15: 146 uA, 1.4 V at the coil's 7 kohm
-        (0x19, 0xF8FD),
-        (0x1B, 0x020D),
-        (0x1A, 0x1601),
-    ] {
-        let [high, low] = value.to_be_bytes();
-        bus.write(0x2A, &[register, high, low])
-            .expect("the chip answers");
-    }
-    chip
-}
 
 fn read(chip: &SharedChip) -> (u16, u32) {
     let (mut high, mut low) = ([0; 2], [0; 2]);
@@ -143,28 +119,6 @@ fn quantisation_noise_and_clock_reach_the_words() {
             _ => assert!((29.9e-6..30.1e-6).contains(&mean), "15 codes of 2e-6"),
         }
     }
-}
-
-#[test]
-fn the_same_seed_gives_the_same_words() {
-    let plant = plant("soft-closed", 8);
-    let words = || {
-        let world = world(&plant, Switches::all(), pressed(&plant));
-        let settings = world.chip_settings(CLOCK_HZ);
-        measure(world, settings)
-    };
-    let here = words();
-    assert!(here.len() > 20, "{}", here.len());
-    assert!(
-        here.iter().skip(10).all(|(flags, _)| *flags == 0),
-        "nothing is wrong with them"
-    );
-    std::thread::scope(|scope| {
-        let threads = [scope.spawn(words), scope.spawn(words)];
-        for thread in threads {
-            assert_eq!(thread.join().expect("it runs"), here);
-        }
-    });
 }
 
 #[test]

@@ -1,13 +1,12 @@
 //! Virtual time: determinism, steps, and the frequency between their ends.
 
 use crate::common::*;
-use ldc161x_sim::Sensors;
 use palpate_sim::Time;
 use palpate_sim::mechanics::press::Profile;
 use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
-use palpate_sim::world::{Holder, Setup, SharedWorld, World};
+use palpate_sim::world::{Holder, Setup, World};
 
 fn disturbed(plant: &Parameters) -> World {
     world(plant, Switches::all(), pressed(plant))
@@ -137,76 +136,6 @@ fn a_step_of_a_millisecond_is_fine_enough() {
             assert!(ramps < 3e-7 && stairs < 3e-7);
         }
     }
-}
-
-#[test]
-fn looking_ahead_is_the_future_if_nothing_changes() {
-    let plant = plant("ultrasoft", 2);
-    let mut ahead = disturbed(&plant);
-    let mut behind = disturbed(&plant);
-    ahead.advance(ms(700));
-    behind.advance(ms(707));
-    for microsecond in [0.0, 13.0, 999.0, 1000.0, 3456.7, 6999.9] {
-        let at_s = 0.7 + 1e-6 * microsecond;
-        let seen = ahead.frequency_ahead_hz(at_s);
-        assert_eq!(seen, behind.frequency_hz(at_s));
-    }
-    assert_eq!(ahead.now(), ms(700));
-    // An input in between takes effect from its own time on.
-    ahead.advance(ms(2));
-    ahead.set_current(8.0);
-    let mut fresh = disturbed(&plant);
-    fresh.advance(ms(702));
-    fresh.set_current(8.0);
-    for world in [&mut ahead, &mut fresh] {
-        world.advance(ms(5));
-    }
-    assert_eq!(bits(&ahead.truth()), bits(&fresh.truth()));
-    assert_eq!(ahead.frequency_hz(0.7055), fresh.frequency_hz(0.7055));
-    assert_eq!(ahead.frequency_hz(0.701), fresh.frequency_hz(0.701));
-}
-
-#[test]
-fn the_past_is_kept_for_the_longest_conversion() {
-    let plant = plant("ultrasoft", 2);
-    let mut early = disturbed(&plant);
-    early.advance(ms(100));
-    let then = early.frequency_hz(0.0815).unwrap();
-    early.advance(ms(550));
-    assert_eq!(early.frequency_hz(0.0815), Some(then));
-    assert_eq!(early.frequency_hz(0.7), None);
-    early.advance(ms(5_000));
-    assert!(early.frequency_hz(0.0815).is_some(), "the oldest known");
-}
-
-#[test]
-fn mean_currents_are_means() {
-    // Changes within steps, which are a millisecond long.
-    let plant = plant("ultrasoft", 2);
-    let mut world = world(&plant, Switches::none(), Setup::default());
-    world.advance(Time::from_us(1_300));
-    world.set_current(4.0);
-    world.advance(Time::from_us(1_200));
-    world.ramp_current(0.0, Time::from_us(2_000));
-    world.advance(Time::from_us(3_000));
-    let mean = |from: u64, to: u64| world.mean_current_a(Time::from_us(from), Time::from_us(to));
-    assert!((mean(800, 1_800) - 2.0).abs() < 1e-12);
-    assert!((mean(2_500, 4_500) - 2.0).abs() < 1e-12);
-    assert!((mean(2_000, 3_500) - (0.5 * 4.0 + 3.0) / 1.5).abs() < 1e-12);
-    assert_eq!(mean(4_700, 5_200), 0.0);
-    assert_eq!(mean(9_000, 9_500), 0.0, "the present");
-}
-
-#[test]
-fn other_channels_have_no_coil_and_a_borrowed_world_no_answer() {
-    let plant = plant("ultrasoft", 2);
-    let shared = SharedWorld::new(disturbed(&plant));
-    assert!(shared.frequency_hz(0, 0.0) > 1e6);
-    assert!((25.0..60.0).contains(&shared.quality_factor(0, 0.0)));
-    assert!((3e3..20e3).contains(&shared.parallel_resistance_ohm(0, 0.0)));
-    assert_eq!(shared.frequency_hz(1, 0.0), 0.0);
-    let _borrow = shared.borrow_mut();
-    assert_eq!(shared.frequency_hz(0, 0.0), 0.0);
 }
 
 #[test]

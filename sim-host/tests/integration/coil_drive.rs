@@ -1,9 +1,10 @@
 //! The coil's driver on its circuit: accuracy of the current control.
 
+use crate::common::{self, tested};
 use coil_hbridge::{Correction, CurrentLine, Supervisor};
 use palpate_sim::electrical::{
-    Circuit, CircuitParameters, Converter, ConverterParameters, Pins, Regulated, edges,
-    reference_hardware, reference_limits,
+    Circuit, CircuitParameters, ConverterParameters, Pins, Regulated, edges, reference_hardware,
+    reference_limits,
 };
 use palpate_sim::random::Stream;
 
@@ -11,19 +12,7 @@ const PERIOD_S: f64 = 16e-6;
 const FULL_SCALE_A: f64 = 10.0;
 
 fn regulated(circuit: CircuitParameters, converter: ConverterParameters, seed: u64) -> Regulated {
-    Regulated::new(
-        Circuit::new(circuit),
-        Converter::new(converter, seed),
-        reference_hardware(),
-        reference_limits(),
-    )
-    .expect("the reference board is one that the driver takes")
-}
-
-fn tested(circuit: CircuitParameters) -> Regulated {
-    let mut loop_ = regulated(circuit, ConverterParameters::RP2040, 1);
-    loop_.test().expect("a sound coil passes");
-    loop_
+    common::regulated(circuit, converter, seed, reference_limits())
 }
 
 /// Corners and centre of the range in which the driver must work without retuning.

@@ -1,23 +1,17 @@
 //! The guards of the coil's driver, each from both sides: it acts within its stated time, and not
 //! earlier.
 
+use crate::common::{regulated, tested};
 use coil_hbridge::{
     ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, CurrentLine, DriveState, FOLLOWS_WITHIN,
     FROZEN_WITHIN, Fault, HELD_BEFORE, Limits, Refusal, Supervisor,
 };
 use palpate_sim::electrical::{
-    Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
-    reference_limits,
+    CircuitParameters, ConverterParameters, Regulated, reference_limits,
 };
 
 fn with_limits(circuit: CircuitParameters, limits: Limits) -> Regulated {
-    Regulated::new(
-        Circuit::new(circuit),
-        Converter::new(ConverterParameters::RP2040, 1),
-        reference_hardware(),
-        limits,
-    )
-    .expect("the driver takes the reference board")
+    regulated(circuit, ConverterParameters::RP2040, 1, limits)
 }
 
 fn common() -> CircuitParameters {
@@ -25,9 +19,7 @@ fn common() -> CircuitParameters {
 }
 
 fn ready() -> Regulated {
-    let mut loop_ = with_limits(common(), reference_limits());
-    loop_.test().expect("a sound coil passes");
-    loop_
+    tested(common())
 }
 
 fn driving(to_a: f32) -> Regulated {
@@ -180,8 +172,7 @@ fn a_single_wild_sample_is_no_current() {
 fn a_bridge_that_wakes_within_its_time_is_driven_as_one_that_is_awake() {
     for wake_s in [0.0, 0.8e-3, 1e-3, 1.9e-3, 2e-3] {
         let circuit = CircuitParameters { wake_s, ..common() };
-        let mut loop_ = with_limits(circuit, reference_limits());
-        loop_.test().expect("a sound coil passes");
+        let mut loop_ = tested(circuit);
         for (to_a, over_s) in [
             (1.0, 1e-3),
             (1.0, 0.0),
@@ -313,8 +304,7 @@ fn a_partly_shorted_coil_is_found_and_a_hot_one_is_not() {
 /// Latches a fault on a supply of 5 V, after a change that keeps the current from following.
 fn weak(to_a: f32, change: impl Fn(&mut Regulated)) -> (u32, Fault, Regulated) {
     let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
-    let mut loop_ = with_limits(weak, reference_limits());
-    loop_.test().unwrap();
+    let mut loop_ = tested(weak);
     // 5 V drive 9.8 A through 0.51 ohm.
     loop_.go(8.0, 1e-3).unwrap();
     assert_eq!(trips(&mut loop_, 5_000), None);
@@ -434,13 +424,7 @@ fn held(
     seed: u64,
 ) -> Regulated {
     let circuit = CircuitParameters::common(coil_ohm, inductance_h, supply_v);
-    let mut loop_ = Regulated::new(
-        Circuit::new(circuit),
-        Converter::new(converter, seed),
-        reference_hardware(),
-        reference_limits(),
-    )
-    .expect("the driver takes the reference board");
+    let mut loop_ = regulated(circuit, converter, seed, reference_limits());
     loop_.test().expect("a sound coil passes");
     // The current limit of the test lasts another 20 us.
     loop_.run_for(1e-3);
@@ -526,8 +510,7 @@ fn a_measurement_that_works_is_not_called_frozen() {
 fn a_current_at_the_end_of_its_supply_is_not_called_frozen() {
     let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
     for to_a in [9.3, 9.5, 9.6, 9.7, 9.8, 9.9, 10.2] {
-        let mut loop_ = with_limits(weak, reference_limits());
-        loop_.test().unwrap();
+        let mut loop_ = tested(weak);
         loop_.go(to_a, 1e-3).unwrap();
         assert_eq!(trips(&mut loop_, 30_000), None, "{to_a} A");
     }
@@ -582,8 +565,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         // A supply already near the limit: the guard finds one that breaks down at once.
         let near_v = if supply_v < 9.0 { 5.0 } else { 12.0 };
         let near = CircuitParameters::common(0.389, 40e-6, near_v);
-        let mut loop_ = with_limits(near, reference_limits());
-        loop_.test().unwrap();
+        let mut loop_ = tested(near);
         loop_.go(2.0, 1e-3).unwrap();
         loop_.run_for(10e-3);
         loop_.circuit.parameters.supply_v = supply_v;
@@ -687,55 +669,46 @@ fn a_line_that_is_too_hot_is_refused_with_a_waiting_time() {
 
 // ---- self-test ----
 
-fn fails(change: impl Fn(&mut Regulated)) -> Option<Fault> {
-    let mut loop_ = with_limits(common(), reference_limits());
-    change(&mut loop_);
-    loop_.circuit.forget_peak();
-    let found = loop_.test().err();
-    assert!(loop_.circuit.peak().0 < 16.0, "{:?}", loop_.circuit.peak());
-    found
-}
-
 #[test]
 fn the_self_test_tells_what_is_wrong() {
-    assert_eq!(fails(|_| ()), None);
-    assert_eq!(
-        fails(|of| of.circuit.parameters.coil_ohm = 1e4),
-        Some(Fault::Open)
-    );
-    assert_eq!(
-        fails(|of| {
-            of.circuit.parameters.coil_ohm = 0.01;
-            of.circuit.parameters.inductance_h = 2e-6;
-        }),
-        Some(Fault::Short)
-    );
-    // A coil with shorted turns fails.
-    assert_eq!(
-        fails(|of| of.circuit.parameters.inductance_h = 6e-6),
-        Some(Fault::Short)
-    );
-    assert_eq!(
-        fails(|of| of.circuit.parameters.inductance_h = 1e-3),
-        Some(Fault::NotACoil)
-    );
-    assert_eq!(
-        fails(|of| of.slow.gain_error = -2.0),
-        Some(Fault::SenseReversed)
-    );
-    assert_eq!(fails(|of| of.slow.offset_a = 0.6), Some(Fault::Offset));
-    assert_eq!(fails(|of| of.slow.offset_a = -0.6), Some(Fault::Offset));
-    assert_eq!(fails(|of| of.slow.stuck_v = Some(0.0)), Some(Fault::Offset));
-    assert_eq!(fails(|of| of.slow.stuck_v = Some(1.65)), Some(Fault::Open));
-    assert_eq!(
-        fails(|of| of.slow.bridge_faults = true),
-        Some(Fault::Bridge)
-    );
-    assert_eq!(
-        fails(|of| of.circuit.parameters.limit_a = f64::INFINITY),
-        Some(Fault::NoHardwareLimit)
-    );
-    // An offset within the tolerance passes.
-    assert_eq!(fails(|of| of.slow.offset_a = 0.35), None);
-    assert_eq!(fails(|of| of.slow.offset_a = -0.35), None);
+    let cases: [(GuardedChange, Option<Fault>); 14] = [
+        (|_| (), None),
+        (|of| of.circuit.parameters.coil_ohm = 1e4, Some(Fault::Open)),
+        (
+            |of| {
+                of.circuit.parameters.coil_ohm = 0.01;
+                of.circuit.parameters.inductance_h = 2e-6;
+            },
+            Some(Fault::Short),
+        ),
+        // A coil with shorted turns.
+        (
+            |of| of.circuit.parameters.inductance_h = 6e-6,
+            Some(Fault::Short),
+        ),
+        (
+            |of| of.circuit.parameters.inductance_h = 1e-3,
+            Some(Fault::NotACoil),
+        ),
+        (|of| of.slow.gain_error = -2.0, Some(Fault::SenseReversed)),
+        (|of| of.slow.offset_a = 0.6, Some(Fault::Offset)),
+        (|of| of.slow.offset_a = -0.6, Some(Fault::Offset)),
+        // Within the tolerance.
+        (|of| of.slow.offset_a = 0.35, None),
+        (|of| of.slow.offset_a = -0.35, None),
+        (|of| of.slow.stuck_v = Some(0.0), Some(Fault::Offset)),
+        (|of| of.slow.stuck_v = Some(1.65), Some(Fault::Open)),
+        (|of| of.slow.bridge_faults = true, Some(Fault::Bridge)),
+        (
+            |of| of.circuit.parameters.limit_a = f64::INFINITY,
+            Some(Fault::NoHardwareLimit),
+        ),
+    ];
+    for (index, (change, fault)) in cases.into_iter().enumerate() {
+        let mut loop_ = with_limits(common(), reference_limits());
+        change(&mut loop_);
+        loop_.circuit.forget_peak();
+        assert_eq!(loop_.test().err(), fault, "{index}");
+        assert!(loop_.circuit.peak().0 < 16.0, "{:?}", loop_.circuit.peak());
+    }
 }

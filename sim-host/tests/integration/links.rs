@@ -77,22 +77,6 @@ fn each_link_has_its_own_answers_and_the_samples_go_to_both() {
 }
 
 #[test]
-fn a_frame_may_come_in_pieces_and_others_among_its_bytes_on_the_other_link() {
-    let wiring = wiring();
-    let mut board = NativeBoard::new(&wiring);
-    run(&mut board, 100);
-    let [one, two] = [3, 4].map(|number| bytes(&Command::GetSettings, number));
-    for (of_one, of_two) in one.iter().zip(&two) {
-        board.write(Link::Probe, &[*of_one]);
-        board.write(Link::Usb, &[*of_two]);
-        run(&mut board, 2);
-    }
-    let answers = Link::ALL.map(|link| answers(&frames(&mut board, link)));
-    assert_eq!(answers, [vec![3], vec![4]]);
-    assert_eq!(Link::ALL.map(|link| board.unread(link)), [0, 0]);
-}
-
-#[test]
 fn half_a_frame_from_before_a_restart_spoils_nothing_after_it() {
     let wiring = wiring();
     let mut board = NativeBoard::new(&wiring);

@@ -17,4 +17,3 @@ mod robust;
 mod sensing_coil;
 mod springs;
 mod stacks;
-mod storage;

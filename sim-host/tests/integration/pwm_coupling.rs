@@ -1,11 +1,7 @@
 //! Coupling of the bridge's switching to the sensing coil: with the measures of docs/decisions/0041
 //! it stays below the converter's quantisation, and without them it would not.
 
-use core::cell::RefCell;
-
-use crate::common::{middle, ms, world};
-use embedded_hal::i2c::I2c;
-use ldc161x_sim::{Bus, Chip};
+use crate::common::{converting, middle, ms, world};
 use palpate_sim::current::PWM_PERIOD_S;
 use palpate_sim::electrical::{Circuit, CircuitParameters, Pins, edges};
 use palpate_sim::parameters::{EDGE_S, INTERFERENCE_V_PER_V};
@@ -153,18 +149,9 @@ fn each_measure_is_needed() {
         println!("{what}: {part:.2} of the quantisation, at {at_hz:.0} Hz");
         assert!(part > 1.0, "{what} is no worse: {part}");
     }
-}
-
-/// No choice of the frequency replaces the plane: half-way between two harmonics the error is still
-/// far too large.
-#[test]
-fn distance_from_the_harmonics_alone_does_not_do() {
-    let without_plane = InterferenceParameters {
-        volt_per_volt: WITHOUT_PLANE,
-        ..corner()
-    };
-    let between_hz = 46.4 / PWM_PERIOD_S;
-    let part = added_hz(&without_plane, PWM_PERIOD_S, between_hz) / (between_hz * quantisation());
+    // Half-way between two harmonics, the plane is still needed.
+    let free_hz = 46.4 / PWM_PERIOD_S;
+    let part = added_hz(&without_plane, PWM_PERIOD_S, free_hz) / (free_hz * quantisation());
     println!("without the plane, 25 kHz from a harmonic: {part:.1} of the quantisation");
     assert!(part > 3.0, "{part}");
 }
@@ -261,23 +248,8 @@ fn a_converter_in_a_world_is_pulled_while_the_bridge_switches() {
     plant.interference.volt_per_volt = 1.0;
     let readings = |switches: Switches, current_a: f64| {
         let shared = SharedWorld::new(world(&plant, switches, Setup::default()));
-        let chip = RefCell::new(Chip::new(
-            shared.borrow().chip_settings(REFERENCE_HZ),
-            shared.clone(),
-        ));
-        for (register, value) in [
-            (0x08_u8, 1875_u16),
-            (0x10, 100),
-            (0x14, 0x1001),
-            (0x1E, 0x7800),
-            (0x19, 0xF8FD),
-            (0x1B, 0x020D),
-            (0x1A, 0x1601),
-        ] {
-            let [high, low] = value.to_be_bytes();
-            let written = Bus::new(&chip, 400_000).write(0x2A, &[register, high, low]);
-            written.expect("it answers");
-        }
+        let settings = shared.borrow().chip_settings(REFERENCE_HZ);
+        let chip = converting(&shared, settings);
         shared.borrow_mut().set_current(current_a);
         shared.borrow_mut().advance_to(ms(50));
         let mut chip = chip.borrow_mut();
@@ -297,25 +269,4 @@ fn a_converter_in_a_world_is_pulled_while_the_bridge_switches() {
     let harmonics = locked.oscillation_hz * PWM_PERIOD_S;
     assert!((harmonics - harmonics.round()).abs() < 1e-4, "{harmonics}");
     assert!((locked.sensor_hz - locked.oscillation_hz).abs() > 1.0);
-}
-
-#[test]
-fn windows_follow_each_other_as_one_would() {
-    let parameters = InterferenceParameters {
-        volt_per_volt: 1e-2,
-        edge_s: 0.2e-6,
-    };
-    let bridge = Bridge {
-        supply_v: SUPPLY_V,
-        duty: 0.31,
-        period_s: PWM_PERIOD_S,
-    };
-    let interferer = parameters.nearest(&bridge, 2.8742e6);
-    let (mut whole, mut parts) = (Oscillation::default(), Oscillation::default());
-    let one = whole.follow(Some(&interferer), (0.0, 8e-3), 2.8742e6);
-    let many: f64 = (0..8)
-        .map(|part| f64::from(part) * 1e-3)
-        .map(|start_s| parts.follow(Some(&interferer), (start_s, 1e-3), 2.8742e6))
-        .sum();
-    assert!((one - many).abs() < 1e-6, "{one} {many}");
 }

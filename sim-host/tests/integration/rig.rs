@@ -20,7 +20,6 @@ fn a_perfect_rig_reads_what_is_there() {
     assert_eq!(reading.force_n, truth.force_n);
     assert_eq!(reading.stage_m, truth.press_m);
     assert_eq!(rig.world().load(), &Load::Spring { n_per_m: 5e3 });
-    assert_eq!(rig.nominal_spring_n_per_m(), Some(5e3));
     // The springs follow exactly from the reading.
     let series = 0.7e-3 / reading.force_n - 1.0 / 5e3 - 1.0 / truth.actuated_spring_n_per_m;
     assert!((series * plant.sensing.spring_n_per_m - 1.0).abs() < 1e-12);
@@ -107,7 +106,6 @@ fn the_frame_is_the_rigs_and_a_block_shows_it() {
 
     let rig = Rig::new(&plant, Switches::all(), Specimen::Block).unwrap();
     assert!((rig.world().truth().load_spring_n_per_m / 700e3 - 1.0).abs() < 1e-12);
-    assert_eq!(rig.nominal_spring_n_per_m(), None);
 }
 
 #[test]
@@ -123,12 +121,4 @@ fn the_rig_is_at_the_temperature_of_calibration() {
     let measured = world(&plant, Switches::none(), pressed(&plant));
     let same = measured.truth().sensing_spring_n_per_m;
     assert_eq!(truth.sensing_spring_n_per_m, same);
-}
-
-#[test]
-fn a_specimen_that_is_no_spring_is_refused() {
-    for nominal_n_per_m in [-5e3, 0.0, f64::NAN, f64::INFINITY] {
-        let specimen = Specimen::Spring { nominal_n_per_m };
-        assert!(Rig::new(&plant("ultrasoft", 1), Switches::all(), specimen).is_err());
-    }
 }

@@ -103,50 +103,6 @@ proptest! {
             assert_sound(&world, &mut most_j);
         }
     }
-
-    #[test]
-    fn the_static_plant_is_monotone(
-        stack in 0..3_usize,
-        seed: u64,
-        ratio in 0.05..20.0_f64,
-        deeper in 1.01..1.5_f64,
-    ) {
-        let plant = plant(Stack::BUILTIN[stack], seed);
-        let spring = ratio * plant.sensing.spring_n_per_m;
-        let at = |n_per_m: f64, press_m: f64, current_a: f64| {
-            let setup = Setup {
-                load: Load::Spring { n_per_m },
-                profile: Profile::at(press_m),
-                ..Setup::default()
-            };
-            let mut world = world(&plant, Switches::none(), setup);
-            world.set_current(current_a);
-            world.advance(Time::from_ms(1));
-            let frequency = world.frequency_hz(1e-3).expect("it is past");
-            (world.truth(), frequency)
-        };
-        let (truth, frequency) = at(spring, 0.4e-3, 2.0);
-        let (pressed, lower) = at(spring, 0.4e-3 * deeper, 2.0);
-        prop_assert!(pressed.force_n > truth.force_n && pressed.sensing_m > truth.sensing_m);
-        prop_assert!(lower < frequency);
-        let (stiffer, _) = at(spring * deeper, 0.4e-3, 2.0);
-        prop_assert!(stiffer.force_n > truth.force_n && stiffer.load_m < truth.load_m);
-        let (excited, _) = at(spring, 0.4e-3, 9.0);
-        prop_assert!(excited.sensing_m > truth.sensing_m && excited.actuated_m < truth.actuated_m);
-    }
-
-    #[test]
-    fn a_drawn_plant_keeps_to_its_ranges(stack in 0..3_usize, seed: u64) {
-        let plant = plant(Stack::BUILTIN[stack], seed);
-        for mode in plant.sensing.creep.iter().chain(&plant.actuated.creep) {
-            prop_assert!((0.02..=0.10).contains(&mode.amplitude));
-        }
-        prop_assert!((0.05..=0.20).contains(&plant.magnetorheological.memory));
-        prop_assert!((0.2e-3..=0.4e-3).contains(&plant.press.depth_m));
-        prop_assert!(plant.thermal.ambient_change_k.abs() <= 5.0);
-        let middle = middle(Stack::BUILTIN[stack]).sensing.spring_n_per_m;
-        prop_assert!((plant.sensing.spring_n_per_m / middle - 1.0).abs() <= 0.2);
-    }
 }
 
 fn assert_sound(world: &World, most_j: &mut f64) {

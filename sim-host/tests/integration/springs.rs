@@ -66,19 +66,6 @@ fn equation_2_gives_the_load_back() {
 }
 
 #[test]
-fn the_reciprocal_of_x_is_straight_in_g() {
-    // 1/x = A/x_0 + g/x_0, A = 1 + c_S/c_L.
-    let mut world = undisturbed("ultrasoft", 6, 0.5);
-    for step in 0..=20 {
-        let x = sensing_at(&mut world, 0.5 * f64::from(step));
-        let truth = world.truth();
-        let g = truth.sensing_spring_n_per_m / truth.actuated_spring_n_per_m;
-        let expected = 0.9e-3 / (1.0 + 1.0 / 0.5 + g);
-        assert!((x / expected - 1.0).abs() < 1e-12, "{step}");
-    }
-}
-
-#[test]
 fn a_ripple_from_outside_acts_by_its_square() {
     let mut world = undisturbed("ultrasoft", 1, 1.0);
     world.set_current_with_ripple(8.0, 6.0);
@@ -186,21 +173,4 @@ fn the_frequency_is_that_of_the_gap() {
         (actual / expected - 1.0).abs() < 1e-12,
         "{actual} {expected}"
     );
-}
-
-#[test]
-fn without_contact_the_current_changes_nothing() {
-    let plant = plant("ultrasoft", 1);
-    let mut world = world(&plant, Switches::none(), Setup::default());
-    let frequency = |world: &World| world.frequency_hz(world.now().as_secs_f64()).unwrap();
-    world.advance(ms(10));
-    let before = frequency(&world);
-    world.set_current(10.0);
-    world.advance(ms(500));
-    let truth = world.truth();
-    assert_eq!(
-        (truth.force_n, truth.sensing_m, truth.opening_m),
-        (0.0, 0.0, 1e-3)
-    );
-    assert_eq!(frequency(&world), before);
 }

@@ -1,12 +1,20 @@
 //! Shared code of the tests.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
+use core::cell::RefCell;
+
+use coil_hbridge::Limits;
+use embedded_hal::i2c::I2c;
+use ldc161x_sim::{Bus, Chip, Settings};
 use palpate_sim::Time;
+use palpate_sim::electrical::{
+    Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
+    reference_limits,
+};
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::parameters::{Parameters, central, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
-use palpate_sim::world::{Setup, Truth, World};
+use palpate_sim::world::{Setup, SharedWorld, Truth, World};
 
 pub(crate) fn ms(milliseconds: u64) -> Time {
     Time::from_ms(milliseconds)
@@ -123,4 +131,49 @@ pub(crate) fn imbalances(truth: &Truth, most_j: &mut f64) -> [f64; 3] {
         sensing.max(actuated) / force_n,
         truth.energy.imbalance_j().abs() / (*most_j + 1e-12),
     ]
+}
+
+/// The coil's driver on the reference board with this circuit.
+pub(crate) fn regulated(
+    circuit: CircuitParameters,
+    converter: ConverterParameters,
+    seed: u64,
+    limits: Limits,
+) -> Regulated {
+    Regulated::new(
+        Circuit::new(circuit),
+        Converter::new(converter, seed),
+        reference_hardware(),
+        limits,
+    )
+    .expect("the driver takes the reference board")
+}
+
+/// The same with the usual converter and limits, after its self-test.
+pub(crate) fn tested(circuit: CircuitParameters) -> Regulated {
+    let mut drive = regulated(circuit, ConverterParameters::RP2040, 1, reference_limits());
+    drive.test().expect("a sound coil passes");
+    drive
+}
+
+pub(crate) type SharedChip = RefCell<Chip<SharedWorld>>;
+
+/// A chip that converts channel 0 of this world for 1 ms at a time, with 30 MHz at CLKIN.
+pub(crate) fn converting(world: &SharedWorld, settings: Settings) -> SharedChip {
+    let chip = RefCell::new(Chip::new(settings, world.clone()));
+    let mut bus = Bus::new(&chip, 400_000);
+    for (register, value) in [
+        (0x08_u8, 1875_u16),
+        (0x10, 100),
+        (0x14, 0x1001),
+        (0x1E, 0x7800), // code 15: 146 uA, 1.4 V at the coil's 7 kohm
+        (0x19, 0xF8FD),
+        (0x1B, 0x020D),
+        (0x1A, 0x1601),
+    ] {
+        let [high, low] = value.to_be_bytes();
+        bus.write(0x2A, &[register, high, low])
+            .expect("the chip answers");
+    }
+    chip
 }
