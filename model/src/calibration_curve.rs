@@ -15,7 +15,6 @@ use core::fmt;
 
 /// A calibration point with the slope of the curve there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Knot {
     x: f32,
     y: f32,
@@ -24,7 +23,6 @@ struct Knot {
 
 /// A monotone function through up to `N` points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MonotoneCurve<const N: usize> {
     knots: [Knot; N],
     len: usize,
@@ -32,8 +30,6 @@ pub struct MonotoneCurve<const N: usize> {
 
 /// Reason why a list of points is not a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CurveError {
     /// Fewer than two points.
     TooFew {
@@ -88,8 +84,6 @@ impl core::error::Error for CurveError {}
 
 /// Value and slope of a curve at one argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CurvePoint {
     /// Value.
     pub value: f32,

@@ -10,8 +10,6 @@ use crate::units::{Ampere, Hertz, OutOfRange, Second};
 
 /// A decaying sine of current: I(t) = I_0 exp(-t/tau) sin(2 pi f t).
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Burst {
     amplitude: Ampere,
     decay: Second,

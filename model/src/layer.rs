@@ -14,8 +14,6 @@ use core::f32::consts::PI;
 
 /// A disc of elastomer bonded on both faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BondedDisc {
     radius: Metre,
     height: Metre,

@@ -17,8 +17,6 @@ use crate::units::{Ampere, Metre, Newton, NewtonPerMetre, OutOfRange, Requiremen
 
 /// Relative rise of the actuated spring at one current.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Rise {
     /// rho = c_D/c_D0 - 1.
     pub value: f32,
@@ -28,8 +26,6 @@ pub struct Rise {
 
 /// The estimator's regressor at one current.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Regressor {
     /// Deviation h = g(I) - g(0), zero or negative.
     pub deviation: f32,
@@ -105,8 +101,6 @@ pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) ->
 /// # Ok::<(), palpate_model::units::OutOfRange>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Saturating {
     at_rest: NewtonPerMetre,
     rise_at_peak: f32,
@@ -176,8 +170,6 @@ impl Stiffening for Saturating {
 
 /// Changes of springs and rise since their calibration, as factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Factors {
     /// Factor of both c_S and c_D0, so their ratio c_S/c_D0 does not change.
     pub springs: f32,
@@ -214,7 +206,6 @@ impl Factors {
 /// # Ok::<(), palpate_model::units::OutOfRange>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Changed<S> {
     /// The stiffening as calibrated.
     pub law: S,
@@ -251,7 +242,6 @@ impl<S: Stiffening> Stiffening for Changed<S> {
 /// # Ok::<(), palpate_model::units::OutOfRange>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tabulated<const N: usize> {
     at_rest: NewtonPerMetre,
     rise: MonotoneCurve<N>,

@@ -13,8 +13,6 @@ use crate::units::{Metre, NewtonPerMetre};
 
 /// The stiffnesses of the three springs in one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Springs {
     /// Load c_L, the touched object.
     pub load: NewtonPerMetre,
@@ -27,8 +25,6 @@ pub struct Springs {
 /// Fractions of the total compliance, w_i = (1/c_i) / sum(1/c), of the three springs; they add up
 /// to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shares {
     /// Fraction of the load, w_L.
     pub load: f32,

@@ -20,8 +20,6 @@ pub const STATED_AT: Celsius = Celsius(20.0);
 
 /// A coil's copper, given by its resistance at 20 degC.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Copper(pub Ohm);
 
 impl Copper {
@@ -44,8 +42,6 @@ impl Copper {
 
 /// Temperatures of the two nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Temperatures {
     /// Temperature of the copper, T_c.
     pub copper: Celsius,
@@ -65,8 +61,6 @@ impl Temperatures {
 
 /// Two heat capacities and two thermal resistances, with the rates that follow from them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TwoNode {
     copper_capacity: JoulePerKelvin,
     copper_to_pad: KelvinPerWatt,

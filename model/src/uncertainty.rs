@@ -31,8 +31,6 @@ use crate::units::Metre;
 
 /// Standard uncertainties of the calibrated quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration {
     /// Relative uncertainty of the force scale, which c_S and c_D0 have in common (the rig's load
     /// cell).
@@ -52,8 +50,6 @@ pub struct Calibration {
 
 /// Operating point of the sensor on the ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OperatingPoint {
     /// Ratio g = c_S/c_D0.
     pub actuated_ratio: f32,
@@ -67,8 +63,6 @@ pub struct OperatingPoint {
 
 /// Standard uncertainties of kappa = c_S/c_L, by origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Budget {
     /// Contribution of the force scale.
     pub force_scale: f32,

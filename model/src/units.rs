@@ -16,7 +16,6 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Requirement that a checked constructor makes on its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Requirement {
     /// Neither infinite nor NaN.
     Finite,
@@ -40,7 +39,6 @@ impl Requirement {
 
 /// Error: a number that a quantity cannot have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
     /// The number.
     pub value: f32,
@@ -91,12 +89,6 @@ macro_rules! quantity {
     ($(#[$doc:meta])* $name:ident, $unit:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        #[cfg_attr(
-            feature = "serde",
-            derive(serde::Serialize, serde::Deserialize),
-            serde(transparent)
-        )]
         pub struct $name(pub f32);
 
         impl $name {

@@ -60,7 +60,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         name: "coil-hbridge",
         runs_on: RunsOn::Everywhere,
         published: true,
-        features: &["defmt"],
+        features: &[],
         tested_features: &[],
         mcu_examples: &[McuExample {
             name: "rp2040",
@@ -114,7 +114,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         name: "palpate-model",
         runs_on: RunsOn::Everywhere,
         published: false,
-        features: &["defmt", "serde"],
+        features: &[],
         tested_features: &[],
         mcu_examples: &[McuExample {
             name: "on_target",
@@ -125,7 +125,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         name: "palpate-wire",
         runs_on: RunsOn::Everywhere,
         published: false,
-        features: &["defmt"],
+        features: &[],
         tested_features: &[],
         mcu_examples: &[],
     },

@@ -18,7 +18,6 @@ const GREATEST_UNITS: f32 = 128.0;
 ///
 /// If the nonlinearity is one sine wave over the range, 2 % of its amplitude remain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Correction([i16; KNOTS]);
 
 impl Default for Correction {

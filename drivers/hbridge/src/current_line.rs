@@ -6,7 +6,6 @@ use crate::limits::Limits;
 /// A straight line of the coil's current: the common type of all current plans, up to the
 /// [`Supervisor`](crate::Supervisor).
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentLine {
     /// Start time on the clock that [`Supervisor::follow`](crate::Supervisor::follow) reads, us.
     /// Until then the current changes in a straight line to `from_a`. If the time has passed

@@ -65,7 +65,6 @@ pub(crate) enum Orders {
 
 /// State of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DriveState {
     /// The bridge is off. `tested`: whether it may be driven.
     Off {

@@ -30,7 +30,6 @@ const STEPS: u8 = 24;
 /// assert!(account.allows(&demand));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Account {
     energy_j: f32,
     usable_j: f32,
@@ -39,7 +38,6 @@ pub struct Account {
 
 /// The circuit as found by its self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Load {
     /// Resistance of coil, bridge, wires and supply together, ohm.
     pub resistance_ohm: f32,
@@ -50,7 +48,6 @@ pub struct Load {
 /// Energy that a current profile needs from an [`Account`]: straight lines in succession, starting
 /// from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EnergyDemand {
     load: Load,
     continuous_w: f32,

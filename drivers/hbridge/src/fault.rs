@@ -4,7 +4,6 @@ use core::fmt;
 
 /// Why the bridge was switched off. It stays off until the fault is cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// A sample of the current was above [`Limits::trip_a`](crate::Limits::trip_a).
     OverCurrent,
@@ -113,7 +112,6 @@ impl core::error::Error for Fault {}
 
 /// Reason why a request was refused. The refused request changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
     /// A field of [`Hardware`](crate::Hardware) is out of range.
     Hardware(&'static str),

@@ -4,7 +4,6 @@ use crate::fault::Refusal;
 
 /// Decay mode: how the current falls when it has to fall faster than in the shorted coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Decay {
     /// Slow decay, never faster than that: both outputs are high, so the bridge shorts the coil.
     Slow,
@@ -16,7 +15,6 @@ pub enum Decay {
 
 /// Bridge, PWM and current measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Hardware {
     /// Period of the PWM, s: 10⁻⁶ to 10⁻³.
     pub period_s: f32,
@@ -98,7 +96,6 @@ impl Hardware {
 
 /// Parameters of a coil and its circuit, as found by the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CoilParameters {
     /// Resistance of coil, bridge and supply together, ohm: what the supply's voltage without load
     /// has to overcome.

@@ -6,7 +6,6 @@ use crate::hardware::Hardware;
 /// Hard limits that no command, setting or line exceeds. Given once, when the drive is created,
 /// usually as a constant of the program, and not changeable afterwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
     /// Greatest setpoint of the current, A.
     pub current_a: f32,

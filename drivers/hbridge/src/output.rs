@@ -7,7 +7,6 @@ use crate::line::FixedPointLine;
 /// which the output is high. The pulses are centred on the count's zero, where samples of a
 /// phase-correct PWM are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
     /// Compare value of IN1.
     pub in1: u16,
@@ -17,7 +16,6 @@ pub struct Levels {
 
 /// The bridge's inputs until the next period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Output {
     /// Level of nSLEEP. If it is low, both inputs have to be low as well.
     pub awake: bool,

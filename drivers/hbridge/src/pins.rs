@@ -21,7 +21,6 @@ pub struct HBridge<A, B, S, F> {
 
 /// The pin that failed, with its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PinError<A, B, S> {
     /// IN1.
     In1(A),

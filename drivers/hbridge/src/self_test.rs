@@ -282,7 +282,6 @@ fn twice_zero(sums: &TestSums) -> i32 {
 
 /// Results of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Findings {
     /// Reading without current, in counts.
     pub zero_count: f32,

@@ -46,7 +46,6 @@ pub struct Decoder<M, const N: usize> {
 
 /// Numbers of frames by result, each frame counted once. A counter wraps to 0 after 4294967295.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counts {
     /// Decoded frames.
     pub frames: u32,
@@ -103,7 +102,6 @@ impl Counts {
 
 /// Error of the bytes up to a zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
     /// The zero came in the middle of a COBS block: bytes were lost, or reception began within a frame.
     Stuffing,
@@ -141,7 +139,6 @@ pub enum FrameError {
 
 /// Error of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PayloadError {
     /// A field has bytes that its type does not allow, or the payload ends early.
     Malformed,

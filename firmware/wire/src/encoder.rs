@@ -14,7 +14,6 @@ use crate::{Record, VERSION};
 
 /// Error: the buffer is too small for the frame. [`Message::MAX_FRAME`] bytes are always enough.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BufferTooSmall;
 
 impl fmt::Display for BufferTooSmall {
@@ -133,7 +132,6 @@ fn stuff(frame: &mut [u8]) {
 /// assert_eq!((header.sequence, header.dropped), (2, 1));
 /// ```
 #[derive(Clone, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sequencer {
     boot_id: u32,
     next: u32,

@@ -30,7 +30,6 @@ impl Header {
 
 /// A message with its header.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(deny_unknown_fields)]
 pub struct Frame<M> {
     /// Header of the frame.

@@ -15,7 +15,6 @@ const WINDOW: u32 = 128;
 
 /// Classification of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {
     /// The first frame of a new boot: the device has restarted, unless it is the very first frame. The
@@ -39,7 +38,6 @@ pub enum Arrival {
 
 /// Account of one boot of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tally {
     boot_id: u32,
     /// Number of the first received frame; the next field is the number after that of the last one. Both
@@ -180,7 +178,6 @@ impl Tally {
 /// assert_eq!(account.current().unwrap().missing(), 0);
 /// ```
 #[derive(Clone, Debug, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Account {
     current: Option<Tally>,
     previous: Option<Tally>,

@@ -16,7 +16,6 @@ macro_rules! structure {
     ) => {
         $(#[doc = $doc])+
         #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[serde(deny_unknown_fields)]
         pub struct $name {
             $(
@@ -125,7 +124,6 @@ macro_rules! codes {
     )+) => {$(
         $(#[doc = $doc])+
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum $name {
             $(
                 $(#[doc = $entry_doc])+

@@ -72,7 +72,6 @@ macro_rules! messages {
     ) => {
         $(#[doc = $doc])+
         #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum $name {
             $(
                 $(#[doc = $bare_doc])+

@@ -7,7 +7,6 @@ use crate::schema::{Field, Structure, Type};
 /// A field with an invalid value, by number: the device that detects it needs no names.
 /// [`named`](Self::named) adds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Invalid {
     /// Number of the field: its index in the command, or in the item if it is in one.
     pub field: u8,
@@ -28,7 +27,6 @@ pub struct InvalidField {
 
 /// Error of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Problem {
     /// Infinite or NaN.
     NotFinite,

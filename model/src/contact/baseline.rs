@@ -15,7 +15,6 @@ use crate::units::{Metre, Second};
 /// The line follows a steady drift without lag. Once the memory has grown, the variance of its
 /// prediction is 1.25/`memory` of the variance of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Baseline {
     memory: f32,
     readings: u32,

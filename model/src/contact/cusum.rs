@@ -9,8 +9,6 @@ use crate::math;
 /// Of all tests with the same rate of false alarms it detects a shift of 2 k soonest (Moustakides
 /// 1986).
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cusum {
     /// k: the part of each deviation that does not count, in standard deviations.
     pub allowance: f32,

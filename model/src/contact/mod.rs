@@ -45,8 +45,6 @@ const LEAST_READINGS: u32 = 8;
 
 /// State of contact after a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Touch {
     /// The baseline is still being learnt, or it is below the known rest, where an untouched sensor
     /// cannot be.
@@ -66,8 +64,6 @@ pub enum Touch {
 
 /// Result of one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Observation {
     /// Reading minus baseline; during a touch, reading minus the zero of the touch.
     pub deformation: Metre,
@@ -77,7 +73,6 @@ pub struct Observation {
 
 /// Sums over the readings since the test's sum was last zero: possibly the start of a touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Rising {
     sum: f32,
     age: f32,
@@ -139,7 +134,6 @@ impl Rising {
 /// # Ok::<(), palpate_model::units::OutOfRange>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Detector {
     watch: Watch,
     baseline: Baseline,
@@ -156,7 +150,6 @@ pub struct Detector {
 
 /// State of a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Held {
     zero: Zero,
     /// Reading before the touch, if an untouched sensor would not read that value.

@@ -14,7 +14,6 @@ pub const MOST_CREEP: f32 = 0.3;
 /// A touch of duration T loads a mode of time constant tau to the fraction 1 - exp(-T/tau); after a
 /// time t, the fraction exp(-t/tau) of that remains. For any tau the product is below T/(T + e t).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Recovery {
     /// Bound at the release, m.
     most: f32,

@@ -5,8 +5,6 @@ use crate::units::Metre;
 
 /// Settings of the contact detection.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Watch {
     /// Standard deviation of a reading of the untouched sensor, vibration included.
     pub sigma: Metre,

@@ -17,7 +17,6 @@ use crate::units::{Metre, Second};
 /// rest, if the supposed recovery was in fact an object on the sensor; the zero may have fallen
 /// less; and the sensor may have become warmer or colder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Zero {
     start: Metre,
     /// Largest further fall of the zero, m.

@@ -26,7 +26,6 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 /// assert_eq!((large + small - large).to_f32(), 1e-5);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Wide {
     /// Zero, or a magnitude from 2^61 to below 2^62.
     mantissa: i64,

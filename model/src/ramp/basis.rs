@@ -6,8 +6,6 @@ use core::fmt;
 
 /// A slow relative change of the deformation, x -> x (1 + d phi(t)); its size d is an unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DriftModel {
     /// phi = t, in seconds: for warming, or for a hand that moves slowly. d is a rate, 1/s.
     Linear,
@@ -58,8 +56,6 @@ impl DriftModel {
 
 /// One unknown of the fit. `h` is the regressor's deviation g - g_ref.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Term {
     /// alpha in x_ref/x = 1 + alpha + beta h.
     Level,
@@ -88,7 +84,6 @@ impl Term {
 
 /// Reason why terms do not form a basis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BasisError {
     /// The first two terms are not [`Term::Level`] and [`Term::Slope`].
     LevelAndSlopeFirst,
@@ -122,7 +117,6 @@ pub const MOST_TERMS: usize = 6;
 /// The unknowns of a fit, checked. The computing time per sample grows with the square of their
 /// number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Basis {
     /// The terms; entries beyond the basis' own number are [`Term::Level`].
     terms: [Term; MOST_TERMS],

@@ -8,8 +8,6 @@ use crate::units::{Metre, Newton, NewtonPerMetre};
 
 /// What determines the level of the noise: the sigmas stated with the samples, or the residuals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Noise {
     /// The stated sigmas are right; the interval uses quantiles of the normal distribution.
     Stated,
@@ -25,8 +23,6 @@ pub enum Noise {
 
 /// A coefficient of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coefficient {
     /// Estimate.
     pub value: f32,
@@ -39,8 +35,6 @@ pub struct Coefficient {
 /// The errors of force and displacement come from the same deformation, and their correlation is
 /// nearly -1: an error that raises F lowers x_L.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LoadCurvePoint {
     /// Force F = c_S x_S.
     pub force: Newton,

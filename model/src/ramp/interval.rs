@@ -11,8 +11,6 @@ use crate::units::NewtonPerMetre;
 /// The error of kappa is nearly normal, that of the stiffness is not: a rigid load is an ordinary
 /// value, kappa = 0, and noise may move an estimate a little below zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LoadRatio {
     /// Estimate of kappa.
     pub value: f32,
@@ -26,8 +24,6 @@ pub struct LoadRatio {
 
 /// Load stiffness with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LoadStiffness {
     /// The interval is bounded on both sides.
     Within {

@@ -20,7 +20,6 @@ use crate::math::sqrt;
 /// An error with the shape of the signal itself does not bend the line and is not detected: an
 /// error of the rise at the peak, or creep that is over when the train starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Bend {
     /// The bend b and its standard error.
     pub relative: Coefficient,

@@ -84,8 +84,6 @@ use moments::{Dependent, Moments, Row};
 
 /// One reading on the ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RampSample {
     /// Time from the origin of the drift terms to the middle of the reading's window.
     pub time: Second,
@@ -137,7 +135,6 @@ impl RampSample {
 ///
 /// See the [module](self) for the model and an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ramp {
     basis: Basis,
     reference: Reference,

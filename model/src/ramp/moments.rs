@@ -19,7 +19,6 @@ pub(super) type Row<T> = [T; MOST_TERMS];
 /// Upper triangle of the weighted cross products of the columns with each other, and their cross
 /// products with the response.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) struct Moments {
     products: Row<Row<Wide>>,
     with_response: Row<Wide>,

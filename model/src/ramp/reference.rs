@@ -7,7 +7,6 @@ use crate::units::{Metre, OutOfRange, Requirement};
 /// Any state near the ramp is suitable, preferably its first sample. The reference itself costs no
 /// accuracy; but deviations that are far from it lose accuracy when they are rounded to `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reference {
     pub(super) deformation: Metre,
     pub(super) regressor: f32,

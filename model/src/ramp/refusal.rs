@@ -4,8 +4,6 @@ use core::fmt;
 
 /// Reason why a sample was not added to the sums. The sums are unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rejected {
     /// A value of the sample is infinite or NaN.
     NotFinite,
@@ -29,8 +27,6 @@ impl core::error::Error for Rejected {}
 
 /// Reason why a ramp gives no stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RampRefusal {
     /// Fewer samples than unknowns, or too few to estimate the noise as well.
     TooFewSamples {

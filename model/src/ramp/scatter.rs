@@ -21,8 +21,6 @@ use crate::math::sqrt;
 /// assert!((scatter.birge_ratio().unwrap() - 4.08).abs() < 0.01);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Scatter {
     weight: f32,
     mean: f32,
