@@ -4,9 +4,8 @@ use crate::support::calibration::{COIL, calibration, curve, settings, springs};
 use crate::support::sensor::Sensor;
 use crate::support::{BOOT, Rig, answers, frame};
 use palpate_procedure::{Action, Event, Link};
-use palpate_wire::code::{FaultCode, Location, Outcome, State};
-use palpate_wire::command::ClearFault;
-use palpate_wire::{Command, FrameError, Header, PayloadError, Record};
+use palpate_wire::code::{Outcome, State};
+use palpate_wire::{Command, FrameError, Header, PayloadError};
 
 /// Outcomes of arm, measure and sweep in each state while armed.
 const OUTCOMES: [(State, Outcome, Outcome, Outcome); 11] = {
@@ -78,10 +77,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             rig.records.clear();
             let disarms = command != Command::Abort;
             // These commands are accepted with any boot id.
-            let actions = rig.step(&Event::Command(
-                Link::Probe,
-                &frame(command, Header::ANY_BOOT, 99),
-            ));
+            let actions = rig.command(command, Header::ANY_BOOT);
             assert_eq!(answers(&actions)[0].outcome, Outcome::Accepted);
             assert!(rig.line.is_off());
             let measures = matches!(state, State::Settling | State::Peak | State::Ramps);
@@ -164,10 +160,7 @@ fn a_command_for_another_boot_does_nothing() {
     for boot in [BOOT + 1, Header::ANY_BOOT] {
         for command in &commands {
             let mut rig = Rig::standing_in(State::Contact, |_| {});
-            let actions = rig.step(&Event::Command(
-                Link::Probe,
-                &frame(command.clone(), boot, 9),
-            ));
+            let actions = rig.command(command.clone(), boot);
             assert_eq!(answers(&actions)[0].outcome, Outcome::OtherBoot);
             assert_eq!(actions.len(), 1, "{actions:?}");
             assert_eq!(rig.state(), State::Contact);
@@ -202,23 +195,6 @@ fn frames_that_cannot_be_understood() {
     let unanswered = [FrameError::Checksum, FrameError::Version { found: 9 }];
     let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(Link::Probe, error)).len());
     assert_eq!(said, [0, 1], "who we are, to one of another version");
-    rig.accepted(Command::Identify);
-    let status = rig.last(|record| match record {
-        Record::Status(status) => Some(status.clone()),
-        _ => None,
-    });
+    let status = rig.status();
     assert_eq!((status.commands_damaged, status.commands_refused), (2, 2));
-}
-
-#[test]
-fn a_fault_is_cleared_by_its_name_alone() {
-    let mut rig = Rig::standing_in(State::Watching, |_| {});
-    let clear = |code| Command::ClearFault(ClearFault { code });
-    assert_eq!(rig.outcome(clear(FaultCode::Bridge)), Outcome::OtherFault);
-    rig.fail(FaultCode::Bridge, Location::Bridge);
-    let other = FaultCode::OverCurrent;
-    assert_eq!(rig.outcome(clear(other)), Outcome::OtherFault);
-    assert_eq!(rig.state(), State::Fault);
-    rig.accepted(clear(FaultCode::Bridge));
-    assert_eq!(rig.state(), State::SelfTest);
 }

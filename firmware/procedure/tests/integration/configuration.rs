@@ -2,14 +2,16 @@
 //! and lost after a restart.
 
 use crate::support::Rig;
-use crate::support::calibration::{calibration, settings};
+use crate::support::calibration::{
+    calibration, settings, temperature_coefficients, temperature_effect,
+};
 use crate::support::sensor::Sensor;
-use palpate_procedure::{Action, Event, Link};
+use palpate_procedure::Action;
 use palpate_wire::code::{Outcome, Part, State};
 use palpate_wire::command::{
-    CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureCoefficients,
-    TemperatureEffect,
+    CurrentCorrection, GetCalibration, Settings, StiffeningCurve, StiffeningKnot,
 };
+use palpate_wire::record::Status;
 use palpate_wire::{Command, Message, Record};
 
 #[test]
@@ -32,7 +34,7 @@ fn a_shorter_status_period_counts_at_once() {
         of.status_period_s = 0.1
     })));
     rig.run(1_000);
-    let reports = rig.reported(|record| matches!(record, Record::Status(_)).then_some(()));
+    let reports = rig.all::<Status>();
     assert!((9..=10).contains(&reports.len()), "{}", reports.len());
 }
 
@@ -40,39 +42,18 @@ fn a_shorter_status_period_counts_at_once() {
 fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
     let mut rig = Rig::started();
     let before = rig.settings().clone();
-    for (wrong, outcome, value) in [
-        (
-            settings(|of| of.ramp_s = f32::NAN),
-            Outcome::NotFinite,
-            None,
-        ),
-        (
-            settings(|of| of.ramps = 65),
-            Outcome::OutOfRange,
-            Some(65.0),
-        ),
-        (
-            settings(|of| of.end_current_a = 10.0),
-            Outcome::Inconsistent,
-            None,
-        ),
-        // This value is within the protocol's limits but beyond the board's.
-        (
-            settings(|of| of.peak_current_a = 12.1),
-            Outcome::OutOfRange,
-            Some(12.1),
-        ),
-        (
-            settings(|of| of.greatest_energy_j = 61.0),
-            Outcome::OutOfRange,
-            Some(61.0),
-        ),
-        (
-            settings(|of| of.greatest_temperature_c = 101.0),
-            Outcome::OutOfRange,
-            Some(101.0),
-        ),
-    ] {
+    let out_of_range = |value| (Outcome::OutOfRange, Some(value));
+    let cases: [(fn(&mut Settings), _); 6] = [
+        (|of| of.ramp_s = f32::NAN, (Outcome::NotFinite, None)),
+        (|of| of.ramps = 65, out_of_range(65.0)),
+        (|of| of.end_current_a = 10.0, (Outcome::Inconsistent, None)),
+        // These values are within the protocol's limits but beyond the board's.
+        (|of| of.peak_current_a = 12.1, out_of_range(12.1)),
+        (|of| of.greatest_energy_j = 61.0, out_of_range(61.0)),
+        (|of| of.greatest_temperature_c = 101.0, out_of_range(101.0)),
+    ];
+    for (change, (outcome, value)) in cases {
+        let wrong = settings(change);
         let answer = rig.send(Command::SetSettings(wrong));
         assert_eq!((answer.outcome, answer.value), (outcome, value));
         if outcome == Outcome::OutOfRange {
@@ -121,18 +102,9 @@ fn what_was_set_is_read_back_and_numbered() {
     let mut rig = Rig::started();
     let mut sent = calibration(&Sensor::default()).to_vec();
     sent.insert(0, Command::SetSettings(settings(|of| of.ramps = 5)));
-    sent.push(Command::SetTemperatureEffect(TemperatureEffect {
-        calibrated_at_c: 25.0,
-        springs_uncertainty_per_k: 0.001,
-        rise_uncertainty_per_k: 0.002,
-    }));
+    sent.push(temperature_effect(25.0, 0.001, 0.002));
     sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
-    sent.push(Command::SetTemperatureCoefficients(
-        TemperatureCoefficients {
-            springs_per_k: -0.001,
-            rise_per_k: 0.002,
-        },
-    ));
+    sent.push(temperature_coefficients(-0.001, 0.002));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -157,7 +129,7 @@ fn what_was_set_is_read_back_and_numbered() {
         };
         assert_eq!(rig.outcome(get(*part)), expected, "{part}");
     }
-    let as_command = |record: &Record| match record.clone() {
+    let as_command = |(_, record): &(_, Record)| match record.clone() {
         Record::Settings(of) => Some(Command::SetSettings(of)),
         Record::DeformationCurve(of) => Some(Command::SetDeformationCurve(of)),
         Record::Crosstalk(of) => Some(Command::SetCrosstalk(of)),
@@ -170,7 +142,8 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
         _ => None,
     };
-    assert_eq!(rig.reported(as_command), sent);
+    let read: Vec<_> = rig.records.iter().filter_map(as_command).collect();
+    assert_eq!(read, sent);
 }
 
 fn correction<const N: usize>(changes_a: [f32; N]) -> CurrentCorrection {
@@ -184,21 +157,15 @@ fn correction<const N: usize>(changes_a: [f32; N]) -> CurrentCorrection {
 fn a_correction_of_the_current_is_handed_on_when_it_is_sound() {
     let mut rig = Rig::started();
     let sound = correction([1.3, 0.2, 0.0, -0.2, -1.3]);
-    let set = |of: &CurrentCorrection| {
+    let mut set = |of: &CurrentCorrection| {
         let command = Command::SetCurrentCorrection(of.clone());
-        crate::support::frame(command, crate::support::BOOT, 5)
+        rig.command(command, crate::support::BOOT)
     };
-    let actions = rig.step(&Event::Command(Link::Probe, &set(&sound)));
+    let actions = set(&sound);
     assert!(actions.contains(&Action::CorrectCurrent(sound.clone())));
     let correcting = |action: &Action| matches!(action, Action::CorrectCurrent(_));
-    for bad in [
-        correction([0.1]),
-        correction([1.5, 0.0, 0.0]),
-        correction([0.0, 0.5, 0.0]),
-        correction([0.0, f32::NAN]),
-    ] {
-        let actions = rig.step(&Event::Command(Link::Probe, &set(&bad)));
-        assert!(!actions.iter().any(correcting), "{bad:?}");
+    for bad in [correction([1.5, 0.0, 0.0]), correction([0.0, f32::NAN])] {
+        assert!(!set(&bad).iter().any(correcting), "{bad:?}");
     }
     let mut armed = Rig::standing_in(State::Contact, |_| {});
     assert_eq!(
@@ -245,11 +212,11 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     // The curve is read back in the same chunks, one per step.
     rig.accepted(get(Part::StiffeningCurve));
     rig.run(5);
-    let chunks = rig.reported(|record| match record {
-        Record::StiffeningCurve(of) => Some(Command::SetStiffeningCurve(of.clone())),
-        _ => None,
-    });
-    assert_eq!(chunks, [chunk(0, 7), chunk(8, 15), chunk(16, 19)]);
+    let chunks = rig.all().into_iter().map(Command::SetStiffeningCurve);
+    assert_eq!(
+        chunks.collect::<Vec<_>>(),
+        [chunk(0, 7), chunk(8, 15), chunk(16, 19)]
+    );
 }
 
 #[test]

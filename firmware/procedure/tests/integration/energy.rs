@@ -4,12 +4,12 @@
 use crate::support::calibration::{calibration, settings};
 use crate::support::drive::SimulatedDrive;
 use crate::support::sensor::Sensor;
-use crate::support::{Rig, board};
+use crate::support::{Rig, board, clear, drive_coil};
 use palpate_procedure::event::{Conditions, Event};
 use palpate_procedure::units::Celsius;
 use palpate_wire::Command;
 use palpate_wire::code::{FaultCode, Outcome, RefusalReason, ResetCause, State};
-use palpate_wire::command::{ClearFault, DriveCoil, Settings};
+use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
 use proptest::prelude::*;
 
@@ -18,9 +18,7 @@ fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings);
     rig.drive = Some(SimulatedDrive::new(0.389, wires_ohm, rig.now_us));
     rig.test_us = 60_000;
-    rig.accepted(Command::Arm);
-    rig.until(State::Watching, 3_000);
-    rig.touch(3e-4);
+    rig.arm_and_touch();
     rig
 }
 
@@ -95,13 +93,7 @@ fn a_second_measurement_soon_after_the_first_is_refused_with_the_time_to_wait() 
 #[test]
 fn a_commanded_current_that_does_not_fit_is_refused_with_the_time_to_wait() {
     let mut rig = touched(0.16, settings(|_| {}));
-    let drive = |over_s| {
-        Command::DriveCoil(DriveCoil {
-            to_a: 10.0,
-            over_s,
-            trace_interval_s: 0.0,
-        })
-    };
+    let drive = |over_s| drive_coil(10.0, over_s);
     rig.accepted(drive(4.0));
     let refusal = rig.refusals().pop().expect("75 J are more than there are");
     assert_eq!(
@@ -226,8 +218,7 @@ fn after_a_reset_a_train_waits_for_copper_that_may_be_hot_and_a_press_does_not()
         let mut rig = Rig::started_as(board);
         rig.temperature(25.0);
         if cause == ResetCause::Watchdog {
-            let code = FaultCode::Watchdog;
-            rig.accepted(Command::ClearFault(ClearFault { code }));
+            rig.accepted(clear(FaultCode::Watchdog));
         }
         for command in calibration(&rig.sensor.clone()) {
             rig.accepted(command);

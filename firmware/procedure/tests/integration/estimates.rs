@@ -1,17 +1,17 @@
 //! Stiffness of ideal presses, computed in `f64` by the test's own sensor.
 
 use crate::support::Rig;
-use crate::support::calibration::{settings, springs, stiffening};
+use crate::support::calibration::{
+    settings, springs, stiffening, temperature_coefficients, temperature_effect,
+};
 use crate::support::sensor::{Sensor, Shape};
 use palpate_model::magnetorheological::{Saturating, Stiffening};
 use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
 use palpate_procedure::event::{Conditions, Event};
+use palpate_wire::Command;
 use palpate_wire::code::{Contact, Drift, State};
-use palpate_wire::command::{
-    Settings, StiffeningCurve, StiffeningKnot, TemperatureCoefficients, TemperatureEffect,
-};
-use palpate_wire::record::{Estimate, LoadPoint, UncertaintyBudget};
-use palpate_wire::{Command, Record};
+use palpate_wire::command::{Settings, StiffeningCurve, StiffeningKnot};
+use palpate_wire::record::{Estimate, LoadPoint, Sample, UncertaintyBudget};
 
 const DRIFTS: [Drift; 5] = [
     Drift::None,
@@ -86,7 +86,7 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
             rig.sensor.creep.since_s = began_s;
             rig.sensor.creep.shape = shape;
             rig.until(State::Estimating, 5_000);
-            let error = error(&estimate(&rig), &rig);
+            let error = error(&rig.last(), &rig);
             assert!(error.abs() < 5e-3, "{drift}, c_L/c_S {ratio}: {error:e}");
         }
     }
@@ -102,13 +102,6 @@ fn another_drift_than_the_one_that_is_set_does_count() {
     assert!(error.abs() > 5e-3, "{error:e}");
 }
 
-fn estimate(rig: &Rig) -> Estimate {
-    rig.last(|record| match record {
-        Record::Estimate(estimate) => Some(estimate.clone()),
-        _ => None,
-    })
-}
-
 /// Ripple of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
 fn ripple_a(mean_a: f64) -> f64 {
     let duty = mean_a.abs() * 0.5 / 12.0;
@@ -118,6 +111,7 @@ fn ripple_a(mean_a: f64) -> f64 {
 #[test]
 fn the_ripple_counts_and_is_counted() {
     let (mut reported, mut unreported) = (0.0_f64, 0.0_f64);
+    // The reported ripple does not hide what attraction and cross-talk leave.
     for ratio in RATIOS {
         for tells_ripple in [true, false] {
             let sensor = Sensor {
@@ -179,21 +173,6 @@ fn the_law_at_the_acting_current_is_its_mean() {
 }
 
 #[test]
-fn attraction_and_cross_talk_are_taken_out() {
-    for ratio in RATIOS {
-        let sensor = Sensor {
-            attraction_n_per_a2: 3e-4,
-            crosstalk_m_per_a2: 2e-8,
-            crosstalk_growth_per_m: 200.0,
-            ..Sensor::default()
-        };
-        let mut rig = pressed(ratio, sensor, |_| {});
-        let error = error(&rig.measure(), &rig);
-        assert!(error.abs() < 5e-3, "c_L/c_S {ratio}: {error:e}");
-    }
-}
-
-#[test]
 fn a_curve_of_the_stiffening_does_as_the_law() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     for first in [0_u8, 8, 16] {
@@ -211,9 +190,7 @@ fn a_curve_of_the_stiffening_does_as_the_law() {
             knots: (first..(first + 8).min(21)).map(knot).collect(),
         }));
     }
-    rig.accepted(Command::Arm);
-    rig.until(State::Watching, 3_000);
-    rig.touch(3e-4);
+    rig.arm_and_touch();
     let error = error(&rig.measure(), &rig);
     assert!(error.abs() < 5e-3, "{error:e}");
 }
@@ -249,10 +226,7 @@ fn the_loads_curve_is_that_of_the_spring() {
         let mut rig = pressed(ratio, Sensor::default(), |of| of.load_points = 5);
         rig.measure();
         rig.until(State::Release, 100);
-        let points: Vec<LoadPoint> = rig.reported(|record| match record {
-            Record::LoadPoint(point) => Some(point.clone()),
-            _ => None,
-        });
+        let points: Vec<LoadPoint> = rig.all();
         assert_eq!(points.len(), 5);
         for point in &points {
             let force_n = rig.sensor.load_n_per_m * f64::from(point.displacement_m);
@@ -288,7 +262,8 @@ fn two_states_are_computed_as_in_the_paper() {
             s * d1 * d2 * (x1 - x2) / (x2 * (d1 * d2 + s * d1) - x1 * (d1 * d2 + s * d2));
         assert!((expected / rig.sensor.load_n_per_m - 1.0).abs() < 1e-9);
         rig.until(State::Estimating, 5_000);
-        let found = estimate(&rig).two_state_n_per_m.expect("a number");
+        let found = rig.last::<Estimate>().two_state_n_per_m;
+        let found = found.expect("a number");
         let error = f64::from(found) / expected - 1.0;
         assert!(error.abs() < 3e-3, "c_L/c_S {ratio}: {error:e}");
     }
@@ -306,12 +281,7 @@ fn a_press_may_be_as_old_as_it_likes() {
         }
         // This sensor does not creep. The possible creep since the touch enters the interval.
         let estimate = rig.measure();
-        let truth = rig.sensor.load_n_per_m as f32;
-        let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
-        assert!(
-            (estimate.lower_n_per_m..=upper).contains(&truth),
-            "{age_s} s: {estimate:?}"
-        );
+        assert!(rig.covers(&estimate), "{age_s} s: {estimate:?}");
         assert!(
             age_s > 0 || error(&estimate, &rig).abs() < 5e-3,
             "{estimate:?}"
@@ -361,12 +331,9 @@ fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
         // Twice: the second train starts with a press of the same age as the first did.
         for _ in 0..2 {
             let estimate = rig.measure();
-            let truth = rig.sensor.load_n_per_m as f32;
-            let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
-            let covered = (estimate.lower_n_per_m..=upper).contains(&truth);
             let error = error(&estimate, &rig);
             assert!(
-                covered && error.abs() < most,
+                rig.covers(&estimate) && error.abs() < most,
                 "{steps:?}: {error}, {estimate:?}"
             );
             rig.until(State::Release, 100);
@@ -386,9 +353,7 @@ fn the_interval_covers_the_truth_as_often_as_it_says() {
     for _ in 0..runs {
         let estimate = rig.measure();
         rig.until(State::Release, 100);
-        let truth = rig.sensor.load_n_per_m as f32;
-        let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
-        covered += usize::from((estimate.lower_n_per_m..=upper).contains(&truth));
+        covered += usize::from(rig.covers(&estimate));
         // Reports a cold coil, so that the next train is not refused.
         rig.temperature(25.0);
         rig.run(500);
@@ -417,19 +382,10 @@ fn what_the_calibration_leaves_open_widens_the_interval() {
         let mut uncertain = stiffening(&rig.sensor);
         uncertain.rise_uncertainty = rise;
         rig.accepted(Command::SetStiffening(uncertain));
-        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
-            calibrated_at_c: 15.0,
-            springs_uncertainty_per_k: 0.0,
-            rise_uncertainty_per_k: per_k,
-        }));
-        rig.accepted(Command::Arm);
-        rig.until(State::Watching, 3_000);
-        rig.touch(3e-4);
+        rig.accepted(temperature_effect(15.0, 0.0, per_k));
+        rig.arm_and_touch();
         let estimate = rig.measure();
-        let budget = rig.last(|record| match record {
-            Record::UncertaintyBudget(budget) => Some(budget.clone()),
-            _ => None,
-        });
+        let budget: UncertaintyBudget = rig.last();
         assert_eq!(budget.measurement, estimate.measurement);
         assert_eq!(budget.off_calibration_k, Some(10.0));
         let is_about = |part: f32, expected: f32| (part - expected).abs() < 0.01 * expected + 1e-6;
@@ -465,21 +421,11 @@ fn what_the_calibration_leaves_open_widens_the_interval() {
 fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones() {
     let reaches = [false, true].map(|measured| {
         let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
-        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
-            calibrated_at_c: 15.0,
-            springs_uncertainty_per_k: 0.0,
-            rise_uncertainty_per_k: 0.003,
-        }));
+        rig.accepted(temperature_effect(15.0, 0.0, 0.003));
         if measured {
-            let nothing = TemperatureCoefficients {
-                springs_per_k: 0.0,
-                rise_per_k: 0.0,
-            };
-            rig.accepted(Command::SetTemperatureCoefficients(nothing));
+            rig.accepted(temperature_coefficients(0.0, 0.0));
         }
-        rig.accepted(Command::Arm);
-        rig.until(State::Watching, 3_000);
-        rig.touch(3e-4);
+        rig.arm_and_touch();
         let estimate = rig.measure();
         let sensing_n_per_m = rig.sensor.sensing_n_per_m as f32;
         let upper = sensing_n_per_m / estimate.lower_n_per_m - estimate.load_ratio;
@@ -491,38 +437,34 @@ fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones()
     assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
 }
 
+/// Returns a sensor `by_k` kelvin above its calibration: its springs change by -0.4 %/K, its rise by
+/// -0.6 %/K.
+fn warmer(by_k: f64) -> Sensor {
+    let cold = Sensor::default();
+    Sensor {
+        sensing_n_per_m: cold.sensing_n_per_m * (-4e-3 * by_k).exp(),
+        actuated_n_per_m: cold.actuated_n_per_m * (-4e-3 * by_k).exp(),
+        rise: cold.rise * (-6e-3 * by_k).exp(),
+        ..cold
+    }
+}
+
 #[test]
 fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
-    // Ten kelvin above the calibration, springs are exp(-0.04) and the rise exp(-0.06) of their
-    // calibrated values.
     let cold = Sensor::default();
     let warm = Sensor {
-        sensing_n_per_m: cold.sensing_n_per_m * (-0.04_f64).exp(),
-        actuated_n_per_m: cold.actuated_n_per_m * (-0.04_f64).exp(),
-        rise: cold.rise * (-0.06_f64).exp(),
         attraction_n_per_a2: 3e-4,
-        ..cold.clone()
+        ..warmer(10.0)
     };
     let errors = [false, true].map(|known| {
         let mut rig = Rig::calibrated(warm.clone(), settings(|_| {}));
         rig.accepted(Command::SetSprings(springs(&cold)));
         rig.accepted(Command::SetStiffening(stiffening(&cold)));
-        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
-            calibrated_at_c: 15.0,
-            springs_uncertainty_per_k: 0.0,
-            rise_uncertainty_per_k: 0.0,
-        }));
+        rig.accepted(temperature_effect(15.0, 0.0, 0.0));
         if known {
-            rig.accepted(Command::SetTemperatureCoefficients(
-                TemperatureCoefficients {
-                    springs_per_k: -4e-3,
-                    rise_per_k: -6e-3,
-                },
-            ));
+            rig.accepted(temperature_coefficients(-4e-3, -6e-3));
         }
-        rig.accepted(Command::Arm);
-        rig.until(State::Watching, 3_000);
-        rig.touch(3e-4);
+        rig.arm_and_touch();
         let estimate = rig.measure();
         // The temperature is that at the start of the train. The train then heats the coil, but the
         // calibration's trains did so too, so this is not corrected.
@@ -533,17 +475,6 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
     // 4 % too large, makes c_L larger by as much.
     assert!((-0.21..-0.17).contains(&errors[0]), "{errors:?}");
     assert!(errors[1].abs() < 1e-4, "{errors:?}");
-}
-
-/// Returns a sensor `by_k` kelvin above its calibration, with the coefficients of the test above.
-fn warmer(by_k: f64) -> Sensor {
-    let cold = Sensor::default();
-    Sensor {
-        sensing_n_per_m: cold.sensing_n_per_m * (-4e-3 * by_k).exp(),
-        actuated_n_per_m: cold.actuated_n_per_m * (-4e-3 * by_k).exp(),
-        rise: cold.rise * (-6e-3 * by_k).exp(),
-        ..cold
-    }
 }
 
 #[test]
@@ -559,27 +490,19 @@ fn without_a_thermometer_nothing_is_corrected_and_the_interval_holds_at_any_temp
             rig.accepted(Command::SetSprings(springs(&cold)));
             rig.accepted(Command::SetStiffening(stiffening(&cold)));
             let of_material = |per_k: f32| if known { 0.0 } else { per_k / 3_f32.sqrt() };
-            rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
-                calibrated_at_c: CALIBRATED_C as f32,
-                springs_uncertainty_per_k: of_material(5e-3),
-                rise_uncertainty_per_k: of_material(8e-3),
-            }));
+            rig.accepted(temperature_effect(
+                CALIBRATED_C as f32,
+                of_material(5e-3),
+                of_material(8e-3),
+            ));
             if known {
-                let coefficients = TemperatureCoefficients {
-                    springs_per_k: -4e-3,
-                    rise_per_k: -6e-3,
-                };
-                rig.accepted(Command::SetTemperatureCoefficients(coefficients));
+                rig.accepted(temperature_coefficients(-4e-3, -6e-3));
             }
-            rig.accepted(Command::Arm);
-            rig.until(State::Watching, 3_000);
-            rig.touch(3e-4);
+            rig.arm_and_touch();
             let estimate = rig.measure();
             assert_eq!(estimate.temperature_c, None);
-            let load_n_per_m = rig.sensor.load_n_per_m as f32;
-            let upper_n_per_m = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
             assert!(
-                (estimate.lower_n_per_m..upper_n_per_m).contains(&load_n_per_m),
+                rig.covers(&estimate),
                 "{temperature_c}, {known}: {estimate:?}"
             );
             if temperature_c == CALIBRATED_C {
@@ -602,10 +525,7 @@ fn force_and_its_uncertainty_in_a_sample() {
     rig.until(State::Watching, 3_000);
     rig.touch(3e-4);
     rig.run(10);
-    let sample = rig.last(|record| match record {
-        Record::Sample(sample) => Some(sample.clone()),
-        _ => None,
-    });
+    let sample: Sample = rig.last();
     assert_eq!(sample.contact, Contact::Held);
     let force_n = f64::from(sample.force_n.expect("springs"));
     assert!((force_n / (6e3 * 3e-4) - 1.0).abs() < 1e-4, "{force_n}");

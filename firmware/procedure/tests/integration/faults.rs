@@ -2,21 +2,17 @@
 
 use crate::support::calibration::{calibration, settings};
 use crate::support::sensor::Sensor;
-use crate::support::{Rig, STATES};
+use crate::support::{Rig, STATES, clear};
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::Celsius;
 use palpate_procedure::{Action, Actions, Event};
+use palpate_wire::Command;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, Part, State};
-use palpate_wire::command::{ClearFault, GetCalibration};
+use palpate_wire::command::GetCalibration;
 use palpate_wire::record::Fault;
-use palpate_wire::{Command, Record};
 
 /// Longest start-up of a converter, in seconds.
 const BRING_UP_S: f32 = 0.14;
-
-fn clear(code: FaultCode) -> Command {
-    Command::ClearFault(ClearFault { code })
-}
 
 /// Checks that the bridge is off first, and the fault is reported as standing, disarmed.
 #[track_caller]
@@ -68,17 +64,23 @@ fn any_fault_stops_any_state() {
 fn silence_is_a_fault_and_ends_with_it() {
     for state in STATES {
         let mut rig = Rig::standing_in(state, |_| {});
+        // Neither the clock nor a thermometer shows that the sensor still speaks.
+        let quiet = |rig: &mut Rig| {
+            let actions = rig.wait(1_000);
+            rig.temperature(25.0);
+            actions
+        };
         for _ in 0..50 {
-            rig.wait(1_000);
+            quiet(&mut rig);
         }
         assert_ne!(rig.state(), State::Fault, "{state}");
-        let mut actions = rig.wait(1_000);
+        let mut actions = quiet(&mut rig);
         let mut limit_s = 0.05;
         // In these states the converter may still be busy with its configuration, which lengthens the
         // limit.
         if matches!(state, State::SelfTest | State::Baseline) {
             while rig.state() != State::Fault {
-                actions = rig.wait(1_000);
+                actions = quiet(&mut rig);
                 limit_s += 0.001;
             }
             assert!(limit_s <= 0.0501 + BRING_UP_S, "{limit_s}");
@@ -283,11 +285,7 @@ fn a_temperature_that_is_no_number_does_not_hide_the_coils_heat() {
         processor_load: Some(f32::INFINITY),
         ..Conditions::default()
     }));
-    rig.accepted(Command::Identify);
-    let status = rig.last(|record| match record {
-        Record::Status(status) => Some(status.clone()),
-        _ => None,
-    });
+    let status = rig.status();
     assert_eq!(status.temperature_c, None);
     assert_eq!((status.supply_v, status.processor_load), (None, None));
 }
@@ -295,6 +293,12 @@ fn a_temperature_that_is_no_number_does_not_hide_the_coils_heat() {
 #[test]
 fn a_clock_that_is_set_back_is_a_fault() {
     for state in STATES {
+        for back_us in [300_000, 86_400_000_000] {
+            let mut rig = Rig::standing_in(state, |_| {});
+            rig.now_us = rig.now_us.saturating_sub(back_us);
+            let actions = rig.convert();
+            stops(&rig, &actions, FaultCode::Clock);
+        }
         let mut rig = Rig::standing_in(state, |_| {});
         rig.now_us -= 10_001;
         let actions = rig.wait(0);
@@ -347,6 +351,7 @@ fn no_other_command_clears_a_fault() {
     commands.extend(calibration(&Sensor::default()));
     for code in FaultCode::ALL {
         let mut rig = Rig::standing_in(State::Ramps, |_| {});
+        assert_eq!(rig.outcome(clear(*code)), Outcome::OtherFault);
         rig.fail(*code, Location::Bridge);
         for command in &commands {
             rig.outcome(command.clone());
@@ -432,45 +437,33 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
 #[test]
 fn of_two_faults_at_once_both_ends_are_reported() {
     let bus = (FaultCode::BusTimeout, Location::Bus);
-    let silent = (FaultCode::SensorRegister, Location::Sensor);
+    let register = (FaultCode::SensorRegister, Location::Sensor);
     let coil = (FaultCode::CoilOpen, Location::Coil);
     let bridge = (FaultCode::Bridge, Location::Bridge);
-    for (faults, stands) in [
-        ([bus, coil], coil),
-        ([coil, bus], coil),
-        ([coil, bridge], coil),
-        ([bus, silent], bus),
+    // Two faults, whether the cause of the bus's ends first, and the faults in the order of their ends:
+    // the one that stands is cleared.
+    for (faults, recovers, ends) in [
+        ([bus, coil], false, [coil, bus]),
+        ([bus, coil], true, [bus, coil]),
+        ([coil, bus], false, [coil, bus]),
+        ([coil, bus], true, [bus, coil]),
+        ([coil, bridge], false, [coil, bridge]),
+        ([bus, register], false, [bus, register]),
     ] {
-        for of_cause in [None, Some(bus.0)] {
-            let mut rig = Rig::standing_in(State::Watching, |_| {});
-            for (code, location) in faults {
-                rig.fail(code, location);
-            }
-            let mut expected = Vec::new();
-            if let Some(code) = of_cause
-                && faults.contains(&bus)
-                && stands != bus
-            {
-                rig.step(&Event::Recovered(code));
-                expected.push(code);
-                assert_eq!(rig.state(), State::Fault, "{faults:?}");
-            }
-            let code = stands.0;
-            rig.accepted(Command::ClearFault(ClearFault { code }));
-            expected.push(code);
-            expected.extend(
-                faults.map(|(code, _)| code).into_iter().filter(|code| {
-                    *code != stands.0 && !(of_cause == Some(*code) && stands != bus)
-                }),
-            );
-            let ended: Vec<_> = rig.reported(|record| match record {
-                Record::Fault(fault) if !fault.active => Some(fault.code),
-                _ => None,
-            });
-            assert_eq!(ended, expected, "{faults:?}");
-            assert_eq!(rig.state(), State::SelfTest, "{faults:?}");
-            rig.until(State::Watching, 3_000);
-            rig.accepted(Command::Arm);
+        let mut rig = Rig::standing_in(State::Watching, |_| {});
+        for (code, location) in faults {
+            rig.fail(code, location);
         }
+        if recovers {
+            rig.step(&Event::Recovered(bus.0));
+            assert_eq!(rig.state(), State::Fault, "{faults:?}");
+        }
+        let stands = ends[usize::from(recovers)];
+        rig.accepted(clear(stands.0));
+        let ended = rig.faults().into_iter().filter(|fault| !fault.active);
+        let ended: Vec<_> = ended.map(|fault| fault.code).collect();
+        assert_eq!(ended, ends.map(|(code, _)| code), "{faults:?}");
+        assert_eq!(rig.state(), State::SelfTest, "{faults:?}");
+        rig.arm();
     }
 }

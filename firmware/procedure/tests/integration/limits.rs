@@ -3,7 +3,6 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::calibration::settings;
 use crate::support::moves::{Move, carry_out, moves};
 use crate::support::{Rig, board};
 use palpate_wire::code::State;
@@ -82,18 +81,4 @@ fn twenty_thousand_moves_from_fixed_seeds_reach_everything() {
     assert!(estimates > 100 && armed > 5_000, "{estimates} {armed}");
     assert!(reasons.len() > 12, "{reasons:?}");
     assert!(faults.len() > 25, "{faults:?}");
-}
-
-#[test]
-fn no_settings_command_drives_more_than_the_board_allows() {
-    for peak_current_a in [10.01, 12.0, 20.0, f32::INFINITY, f32::NAN] {
-        let mut rig = start();
-        rig.accepted(Command::Disarm);
-        let refused = settings(|of| of.peak_current_a = peak_current_a);
-        let outcome = rig.outcome(Command::SetSettings(refused));
-        assert_ne!(outcome, palpate_wire::code::Outcome::Accepted);
-        rig.accepted(Command::Arm);
-        rig.accepted(Command::Sweep);
-        rig.run(500);
-    }
 }

@@ -1,19 +1,15 @@
 //! Current commanded directly by a PC: it ends when the PC is silent, and with every cause that ends any
 //! current.
 
-use crate::support::{Rig, board};
-use palpate_procedure::{Action, Event, Instant, Link, Procedure};
-use palpate_wire::code::{FaultCode, Location, Outcome, RefusalReason, State};
-use palpate_wire::command::{ClearFault, DriveCoil};
+use crate::support::{BOOT, Rig, board, clear, drive_coil};
+use palpate_procedure::{Action, Event, Instant, Procedure};
+use palpate_wire::code::{FaultCode, Location, Outcome, State};
+use palpate_wire::command::DriveCoil;
 use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Command, Record};
 
 fn drive(to_a: f32) -> Command {
-    Command::DriveCoil(DriveCoil {
-        to_a,
-        over_s: 0.01,
-        trace_interval_s: 0.0,
-    })
+    drive_coil(to_a, 0.01)
 }
 
 fn manual() -> Rig {
@@ -42,15 +38,7 @@ fn the_host_falls_silent() {
     assert!(rig.line.is_off() && !rig.procedure.is_armed());
     // The fault is latched: another command does not restart the current.
     assert_eq!(rig.outcome(drive(1.0)), Outcome::Faulted);
-    let code = FaultCode::HostSilent;
-    rig.accepted(Command::ClearFault(ClearFault { code }));
-}
-
-#[test]
-fn a_measurement_does_not_need_the_host() {
-    let mut rig = Rig::standing_in(State::Ramps, |_| {});
-    rig.run(150);
-    assert!(rig.faults().is_empty());
+    rig.accepted(clear(FaultCode::HostSilent));
 }
 
 #[test]
@@ -86,14 +74,6 @@ fn it_is_on_for_too_long() {
 }
 
 #[test]
-fn abort_ends_it_without_a_fault() {
-    let mut rig = manual();
-    rig.accepted(Command::Abort);
-    assert_eq!(rig.state(), State::Release);
-    assert!(rig.line.is_off() && rig.faults().is_empty());
-}
-
-#[test]
 fn it_is_refused_where_nothing_else_may_be_driven() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
     rig.accepted(Command::Disarm);
@@ -104,25 +84,10 @@ fn it_is_refused_where_nothing_else_may_be_driven() {
 }
 
 #[test]
-fn a_train_that_would_be_too_hot_is_refused_with_a_waiting_time() {
-    let mut rig = Rig::standing_in(State::Contact, |_| {});
-    rig.temperature(79.0);
-    rig.run(10);
-    rig.accepted(Command::Sweep);
-    let refusal = rig.refusals().pop().expect("a refusal");
-    assert_eq!(refusal.reason, RefusalReason::CoilTooHot);
-    let wait_s = refusal.wait_s.expect("a waiting time");
-    // The layer around the coil cools with a time constant of 480 s; the time to wait depends on the
-    // surroundings of 25 degrees.
-    assert!((1.0..480.0).contains(&wait_s), "{wait_s}");
-}
-
-#[test]
 fn the_coils_test_is_asked_for_and_reported() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
     rig.test_us = 60_000;
-    let frame = crate::support::frame(Command::TestCoil, crate::support::BOOT, 77);
-    let actions = rig.step(&Event::Command(Link::Probe, &frame));
+    let actions = rig.command(Command::TestCoil, BOOT);
     assert!(actions.contains(&Action::TestCoil));
     let found = crate::support::coil_test();
     rig.records.clear();
@@ -144,15 +109,7 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
         over_s: 0.0,
         trace_interval_s: 1.6e-5,
     };
-    let mut drive = |line: &DriveCoil, sequence| {
-        let frame = crate::support::frame(
-            Command::DriveCoil(line.clone()),
-            crate::support::BOOT,
-            sequence,
-        );
-        rig.step(&Event::Command(Link::Probe, &frame))
-    };
-    let actions = drive(&line, 90);
+    let actions = rig.command(Command::DriveCoil(line.clone()), BOOT);
     let index = |of: fn(&Action) -> bool| actions.iter().position(of);
     let traced =
         index(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
@@ -160,7 +117,8 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
     assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
     line.trace_interval_s = 0.0;
     let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });
-    assert!(!drive(&line, 91).iter().any(tracing));
+    let actions = rig.command(Command::DriveCoil(line), BOOT);
+    assert!(!actions.iter().any(tracing));
     let trace = CurrentTrace {
         total: 2,
         first: 0,
@@ -196,8 +154,7 @@ fn five_crashes_in_a_row_lock_the_outputs_and_it_still_talks() {
                 .any(|of| matches!(of.1, Record::Hello(_)))
         );
         if locked {
-            let code = FaultCode::CrashStreak;
-            let cleared = rig.outcome(Command::ClearFault(ClearFault { code }));
+            let cleared = rig.outcome(clear(FaultCode::CrashStreak));
             assert_eq!(cleared, Outcome::FaultPersists);
             assert_eq!(rig.outcome(Command::Arm), Outcome::Faulted);
             assert_eq!(rig.outcome(Command::GetSettings), Outcome::Accepted);

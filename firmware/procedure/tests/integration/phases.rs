@@ -4,12 +4,13 @@ use crate::support::calibration::{crosstalk, settings};
 use crate::support::sensor::Sensor;
 use crate::support::{Rig, board, micros};
 use palpate_procedure::{Action, Actions, Instant};
+use palpate_wire::Command;
 use palpate_wire::code::{Mode, Outcome, State};
-use palpate_wire::{Command, Record};
+use palpate_wire::record::{Estimate, LoadPoint, Sample};
 
 #[test]
 fn a_press_is_measured_and_every_state_is_reported_in_its_order() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     rig.measure();
     rig.until(State::Release, 100);
     rig.lift();
@@ -38,18 +39,15 @@ fn a_press_is_measured_and_every_state_is_reported_in_its_order() {
 
 #[test]
 fn a_measurement_has_the_same_number_in_all_its_records() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     for number in 1..=2 {
         rig.records.clear();
         let estimate = rig.measure();
         rig.until(State::Release, 100);
         assert_eq!(estimate.measurement, number);
-        let points = rig.reported(|record| match record {
-            Record::LoadPoint(point) => Some((point.measurement, point.index, point.points)),
-            _ => None,
-        });
-        let expected: Vec<_> = (0..8).map(|index| (number, index, 8)).collect();
-        assert_eq!(points, expected);
+        let points = rig.all::<LoadPoint>().into_iter();
+        let points = points.map(|point| (point.measurement, point.index, point.points));
+        assert!(points.eq((0..8).map(|index| (number, index, 8))));
         assert_eq!(estimate.load_points, 8);
         let changes = rig.changes();
         let begun = changes.iter().filter(|of| of.state != State::Settling);
@@ -60,8 +58,7 @@ fn a_measurement_has_the_same_number_in_all_its_records() {
 #[test]
 fn a_load_that_is_lifted_during_the_report_loses_no_point_of_its_curve() {
     for points in [8, 64] {
-        let mut rig = Rig::armed(Sensor::default(), settings(|of| of.load_points = points));
-        rig.touch(3e-4);
+        let mut rig = Rig::touched(|of| of.load_points = points);
         let estimate = rig.measure();
         assert_eq!(estimate.load_points, points);
         rig.sensor.depth_m = 0.0;
@@ -69,18 +66,15 @@ fn a_load_that_is_lifted_during_the_report_loses_no_point_of_its_curve() {
         rig.accepted(Command::Disarm);
         rig.accepted(Command::SetCrosstalk(crosstalk(&rig.sensor.clone())));
         rig.until(State::Watching, 3_000);
-        let sent = rig.reported(|record| match record {
-            Record::LoadPoint(point) => Some(point.index),
-            _ => None,
-        });
-        assert_eq!(sent, (0..points).collect::<Vec<_>>());
+        let sent = rig.all::<LoadPoint>().into_iter();
+        assert!(sent.map(|point| point.index).eq(0..points));
         assert!(!rig.states().contains(&State::Release), "it was lifted");
     }
 }
 
 #[test]
 fn the_train_rises_falls_and_ends_at_zero() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     rig.accepted(Command::Measure);
     let mut lines = Vec::new();
     let mut off_at = None;
@@ -125,8 +119,7 @@ fn the_train_rises_falls_and_ends_at_zero() {
 #[test]
 fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
     // At this rate 10, 40 and 100 conversions last a little less than 10, 40 and 100 ms.
-    let mut rig = Rig::armed(Sensor::default(), settings(|of| of.rate_hz = 1_001.0));
-    rig.touch(3e-4);
+    let mut rig = Rig::touched(|of| of.rate_hz = 1_001.0);
     rig.accepted(Command::Measure);
     let falls = |actions: &Actions| {
         let is_fall =
@@ -152,7 +145,7 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
 #[test]
 fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
     for late_us in [0, 300, 900] {
-        let mut rig = Rig::touched();
+        let mut rig = Rig::touched(|_| {});
         rig.accepted(Command::Measure);
         let mut falls = 0;
         for _ in 0..2_000 {
@@ -201,10 +194,7 @@ fn without_a_curve_there_is_no_contact() {
     rig.sensor.press(3e-4);
     rig.run(1_000);
     assert_eq!(rig.states(), [State::Baseline]);
-    let sample = rig.last(|record| match record {
-        Record::Sample(sample) => Some(sample.clone()),
-        _ => None,
-    });
+    let sample: Sample = rig.last();
     assert_eq!(sample.channels[0].deformation_m, None);
     assert_eq!(sample.force_n, None);
 }
@@ -225,10 +215,7 @@ fn sensing_only_needs_no_coil_and_never_drives_it() {
     assert_eq!(rig.outcome(Command::Sweep), Outcome::NotArmed);
     rig.run(2_000);
     // In sensing-only mode deformation and force are reported as usual.
-    let sample = rig.last(|record| match record {
-        Record::Sample(sample) => Some(sample.clone()),
-        _ => None,
-    });
+    let sample: Sample = rig.last();
     let deformation_m = sample.channels[0].deformation_m.expect("a curve is set");
     assert!((deformation_m - 3e-4).abs() < 3e-8, "{deformation_m}");
     let force_n = sample.force_n.expect("springs are set");
@@ -258,10 +245,7 @@ fn automatic_measures_at_every_contact_while_armed_and_only_then() {
     for number in 1..=2 {
         rig.sensor.press(3e-4);
         rig.until(State::Estimating, 5_000);
-        let estimate = rig.last(|record| match record {
-            Record::Estimate(estimate) => Some(estimate.clone()),
-            _ => None,
-        });
+        let estimate: Estimate = rig.last();
         assert_eq!(estimate.measurement, number);
         // One measurement per contact.
         rig.until(State::Release, 100);
@@ -277,7 +261,7 @@ fn automatic_measures_at_every_contact_while_armed_and_only_then() {
 
 #[test]
 fn without_automatic_a_contact_waits_for_its_command() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     rig.run(2_000);
     assert_eq!(rig.state(), State::Contact);
     // Measures repeatedly without a release between.
@@ -307,20 +291,14 @@ fn a_sweep_drives_the_train_and_evaluates_nothing() {
         State::Release,
     ]);
     assert_eq!(rig.states(), expected);
-    let samples = rig.reported(|record| match record {
-        Record::Sample(sample) => sample.current_a,
-        _ => None,
-    });
-    assert!(samples.iter().any(|&current_a| current_a > 9.9));
-    assert!(
-        rig.reported(|record| matches!(record, Record::Estimate(_)).then_some(()))
-            .is_empty()
-    );
+    let samples: Vec<Sample> = rig.all();
+    assert!(samples.iter().any(|sample| sample.current_a > Some(9.9)));
+    assert_eq!(rig.all::<Estimate>(), []);
 }
 
 #[test]
 fn an_object_that_lets_go_during_a_sweep_is_not_waited_for() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     rig.accepted(Command::Sweep);
     rig.run(300);
     rig.sensor.depth_m = 0.0;
@@ -330,7 +308,7 @@ fn an_object_that_lets_go_during_a_sweep_is_not_waited_for() {
 #[test]
 fn the_same_events_give_the_same_records() {
     let records = |()| {
-        let mut rig = Rig::touched();
+        let mut rig = Rig::touched(|_| {});
         rig.sensor.noise_m = 1e-7;
         rig.measure();
         rig.lift();

@@ -1,20 +1,16 @@
 //! Queue of commands that need the coil: one waits for the end of the coil's test, and each is answered
 //! once. Everything that stops the coil stops the test and drops the waiting command.
 
-use crate::support::{BOOT, Rig, answers, frame};
+use crate::support::{BOOT, Rig, answers, drive_coil, frame};
 use palpate_procedure::{Action, Event, Link};
 use palpate_wire::code::{FaultCode, Location, Outcome, State};
-use palpate_wire::command::DriveCoil;
-use palpate_wire::{Command, Header, Record};
+use palpate_wire::record::{Acknowledgement, CoilTest};
+use palpate_wire::{Command, Header};
 
 const TEST_US: u64 = 60_000;
 
 fn drive(to_a: f32) -> Command {
-    Command::DriveCoil(DriveCoil {
-        to_a,
-        over_s: 0.0,
-        trace_interval_s: 0.0,
-    })
+    drive_coil(to_a, 0.0)
 }
 
 /// Returns a rig during the coil's test that arming starts.
@@ -30,26 +26,20 @@ fn testing(state: State) -> Rig {
 
 /// Sends a command without waiting for its answer.
 fn send(rig: &mut Rig, command: Command) -> u32 {
-    rig.sequence += 1;
-    let sequence = rig.sequence;
-    rig.step(&Event::Command(
-        Link::Probe,
-        &frame(command, BOOT, sequence),
-    ));
-    sequence
+    rig.command(command, BOOT);
+    rig.sequence
 }
 
 /// Returns all answers so far, by sequence number.
 fn given(rig: &Rig) -> Vec<(u32, Outcome)> {
-    rig.reported(|record| match record {
-        Record::Acknowledgement(answer) => Some((answer.command, answer.outcome)),
-        _ => None,
-    })
+    let answers = rig.all::<Acknowledgement>().into_iter();
+    answers
+        .map(|answer| (answer.command, answer.outcome))
+        .collect()
 }
 
 fn tests_reported(rig: &Rig) -> usize {
-    let is_test = |record: &Record| matches!(record, Record::CoilTest(_)).then_some(());
-    rig.reported(is_test).len()
+    rig.all::<CoilTest>().len()
 }
 
 #[test]
@@ -119,11 +109,7 @@ fn what_stops_the_coil_empties_the_queue_in_every_state() {
         for stop in [Command::Abort, Command::Disarm, Command::SensingOnly] {
             let mut rig = testing(state);
             let waits = send(&mut rig, drive(3.0));
-            rig.sequence += 1;
-            let actions = rig.step(&Event::Command(
-                Link::Probe,
-                &frame(stop.clone(), Header::ANY_BOOT, rig.sequence),
-            ));
+            let actions = rig.command(stop.clone(), Header::ANY_BOOT);
             assert_eq!(actions[0], Action::SafeState, "{stop:?} in {state}");
             assert_eq!(
                 given(&rig),

@@ -5,12 +5,11 @@ use palpate_procedure::Event;
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
 use palpate_wire::code::{Contact, FaultCode, Location, RefusalReason, State};
-use palpate_wire::command::{Tank, TemperatureEffect};
-use palpate_wire::record::Estimate;
-use palpate_wire::{Record, record::Sample};
+use palpate_wire::command::Tank;
+use palpate_wire::record::{Estimate, Sample};
 
 use crate::support::Rig;
-use crate::support::calibration::settings;
+use crate::support::calibration::{settings, temperature_effect};
 use crate::support::sensor::Sensor;
 
 /// Returns a rig with the rest of its calibration, at the calibration's temperature.
@@ -22,11 +21,7 @@ fn calibrated(sensor: Sensor) -> Rig {
         capacitance_f: 330e-12,
         rest_frequency_hz: 3e6,
     }));
-    rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
-        calibrated_at_c: 25.0,
-        springs_uncertainty_per_k: 0.0,
-        rise_uncertainty_per_k: 0.0,
-    }));
+    rig.accepted(temperature_effect(25.0, 0.0, 0.0));
     rig
 }
 
@@ -40,17 +35,13 @@ fn under(object_m: f64) -> Rig {
     rig
 }
 
-fn covers(estimate: &Estimate, rig: &Rig) -> bool {
-    let truth = rig.sensor.load_n_per_m as f32;
-    let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
-    (estimate.lower_n_per_m..=upper).contains(&truth)
+fn last_sample(rig: &Rig) -> Sample {
+    rig.last()
 }
 
-fn last_sample(rig: &Rig) -> Sample {
-    rig.last(|record| match record {
-        Record::Sample(sample) => Some(sample.clone()),
-        _ => None,
-    })
+/// Returns the relative error of c_L.
+fn error(estimate: &Estimate, rig: &Rig) -> f32 {
+    estimate.stiffness_n_per_m.unwrap() / rig.sensor.load_n_per_m as f32 - 1.0
 }
 
 #[test]
@@ -71,8 +62,8 @@ fn what_lies_there_from_the_beginning_is_a_touch_that_is_not_measured() {
         rig.lift();
         rig.touch(3e-4);
         let estimate = rig.measure();
-        assert!(covers(&estimate, &rig), "{object_m:e}: {estimate:?}");
-        let off = estimate.stiffness_n_per_m.unwrap() / rig.sensor.load_n_per_m as f32 - 1.0;
+        assert!(rig.covers(&estimate), "{object_m:e}: {estimate:?}");
+        let off = error(&estimate, &rig);
         assert!(off.abs() < 0.01, "{object_m:e}: {off}");
     }
 }
@@ -88,12 +79,9 @@ fn what_is_too_light_to_be_noticed_widens_the_interval() {
     ] {
         let mut rig = under(object_m);
         rig.sensor.load_n_per_m = load_n_per_m;
-        rig.accepted(Command::Arm);
-        rig.until(State::Watching, 3_000);
-        rig.sensor.press(3e-4);
-        rig.until(State::Contact, 3_000);
+        rig.arm_and_touch();
         let estimate = rig.measure();
-        assert!(covers(&estimate, &rig), "{object_m:e}: {estimate:?}");
+        assert!(rig.covers(&estimate), "{object_m:e}: {estimate:?}");
     }
 }
 
@@ -118,8 +106,7 @@ fn a_rest_within_what_temperature_makes_of_it_is_no_touch() {
     // detected.
     let mut rig = under(8e-6);
     rig.temperature(40.0);
-    rig.accepted(Command::Arm);
-    rig.until(State::Watching, 3_000);
+    rig.arm();
 }
 
 #[test]
@@ -137,8 +124,8 @@ fn a_touch_outlasts_settings_and_faults() {
     rig.until(State::Contact, 1_000);
     rig.accepted(Command::Arm);
     let estimate = rig.measure();
-    let off = estimate.stiffness_n_per_m.unwrap() / rig.sensor.load_n_per_m as f32 - 1.0;
-    assert!(covers(&estimate, &rig) && off.abs() < 0.2, "{estimate:?}");
+    let off = error(&estimate, &rig);
+    assert!(rig.covers(&estimate) && off.abs() < 0.2, "{estimate:?}");
     rig.until(State::Release, 1_000);
     rig.lift();
 }
@@ -146,8 +133,7 @@ fn a_touch_outlasts_settings_and_faults() {
 #[test]
 fn an_object_that_comes_during_a_sweep_is_a_touch_that_is_not_measured() {
     let mut rig = calibrated(Sensor::default());
-    rig.accepted(Command::Arm);
-    rig.until(State::Watching, 3_000);
+    rig.arm();
     rig.accepted(Command::Sweep);
     rig.run(200);
     rig.sensor.press(3e-4);
@@ -162,8 +148,7 @@ fn taps_in_a_row_leave_no_touch_behind() {
         noise_m: 20e-9,
         ..Sensor::default()
     });
-    rig.accepted(Command::Arm);
-    rig.until(State::Watching, 3_000);
+    rig.arm();
     for gap_ms in [50, 150, 300, 450, 600, 2_000] {
         for _ in 0..2 {
             rig.touch(3e-4);
@@ -177,6 +162,6 @@ fn taps_in_a_row_leave_no_touch_behind() {
     rig.run(1_000);
     rig.touch(3e-4);
     let estimate = rig.measure();
-    let off = estimate.stiffness_n_per_m.unwrap() / rig.sensor.load_n_per_m as f32 - 1.0;
+    let off = error(&estimate, &rig);
     assert!(off.abs() < 0.01, "{off}");
 }

@@ -8,18 +8,15 @@ use palpate_procedure::{Action, Event, Instant, Link, Procedure};
 use palpate_wire::code::{
     FaultCode, Location, Outcome, Part, RebootTarget, State, StorageAction, StorageState,
 };
-use palpate_wire::command::{
-    CalibrationIdentity, DriveCoil, GetCalibration, Locate, Reboot, Settings,
-};
-use palpate_wire::record::{Acknowledgement, Hello, Storage};
+use palpate_wire::command::{CalibrationIdentity, GetCalibration, Locate, Reboot, Settings};
+use palpate_wire::record::{Acknowledgement, Fault, Hello, Storage};
 use palpate_wire::{Command, Record, configuration_crc};
 
 use crate::support::calibration::{calibration, settings};
 use crate::support::sensor::Sensor;
-use crate::support::{BOOT, Rig, board, frame};
+use crate::support::{BOOT, Content, Rig, board, drive_coil, frame};
 
 /// Procedure with a storage that carries out one order per millisecond.
-#[derive(Clone)]
 struct Desk {
     procedure: Procedure,
     now_us: u64,
@@ -61,15 +58,6 @@ impl Desk {
             records: Vec::new(),
             actions: Vec::new(),
         }
-    }
-
-    /// Switches the power off and on: only the stored set remains.
-    fn power_cycled(&self) -> Self {
-        Self {
-            generation: self.generation,
-            ..Self::new(&self.stored)
-        }
-        .begun()
     }
 
     fn begun(mut self) -> Self {
@@ -176,12 +164,9 @@ impl Desk {
         self.sequence += 1;
         let before = self.records.len();
         self.step(&Event::Command(link, &frame(command, BOOT, self.sequence)));
-        let answers: Vec<(Option<Link>, Acknowledgement)> = self.records[before..]
+        let answers: Vec<_> = self.records[before..]
             .iter()
-            .filter_map(|(to, record)| match record {
-                Record::Acknowledgement(answer) => Some((*to, answer.clone())),
-                _ => None,
-            })
+            .filter_map(|(to, record)| Some((*to, Acknowledgement::of(record)?)))
             .collect();
         assert_eq!(answers.len(), 1, "{answers:?}");
         let (to, answer) = &answers[0];
@@ -199,27 +184,24 @@ impl Desk {
         assert_eq!(outcome, Outcome::Accepted, "{command:?}");
     }
 
+    fn all_accepted(&mut self, commands: &[Command]) {
+        for command in commands {
+            self.accepted(command.clone());
+        }
+    }
+
     /// Returns the last record of the storage.
     fn storage(&self) -> Storage {
-        let found = self
-            .records
-            .iter()
-            .rev()
-            .find_map(|(_, record)| match record {
-                Record::Storage(storage) => Some(storage.clone()),
-                _ => None,
-            });
+        let mut records = self.records.iter().rev();
+        let found = records.find_map(|(_, record)| Storage::of(record).cloned());
         found.expect("a record of the storage")
     }
 
     fn faults(&self) -> Vec<(FaultCode, Location)> {
         let records = self.records.iter();
-        records
-            .filter_map(|(_, record)| match record {
-                Record::Fault(fault) if fault.active => Some((fault.code, fault.location)),
-                _ => None,
-            })
-            .collect()
+        let faults = records.filter_map(|(_, record)| Fault::of(record));
+        let raised = faults.filter(|fault| fault.active);
+        raised.map(|fault| (fault.code, fault.location)).collect()
     }
 
     fn crc(&self) -> u32 {
@@ -227,10 +209,10 @@ impl Desk {
     }
 }
 
-/// Returns the commands that set settings and calibration of a sensor with an identity.
-fn configured(sensor: &Sensor, rate_hz: f32, id: u32) -> Vec<Command> {
+/// Returns the commands that set settings, calibration and its identity.
+fn configured(rate_hz: f32, id: u32) -> Vec<Command> {
     let mut commands = vec![Command::SetSettings(settings(|it| it.rate_hz = rate_hz))];
-    commands.extend(calibration(sensor));
+    commands.extend(calibration(&Sensor::default()));
     commands.push(identity_of(&commands, id));
     commands
 }
@@ -255,20 +237,13 @@ fn in_order(commands: &[Command]) -> Vec<Command> {
     sorted
 }
 
-fn stiff() -> Sensor {
-    Sensor {
-        sensing_n_per_m: 1.25 * Sensor::default().sensing_n_per_m,
-        ..Sensor::default()
-    }
-}
-
 fn reboot(target: RebootTarget) -> Command {
     Command::Reboot(Reboot { target })
 }
 
 #[test]
 fn what_was_stored_is_in_force_before_the_first_word() {
-    let stored = in_order(&configured(&Sensor::default(), 500.0, 4));
+    let stored = in_order(&configured(500.0, 4));
     let desk = Desk::new(&stored).begun();
     let Some((
         None,
@@ -304,10 +279,8 @@ fn what_is_in_force_is_stored_and_both_are_reported() {
     let mut desk = Desk::new(&[]).begun();
     assert_eq!(desk.storage().state, StorageState::Empty);
     assert_eq!(desk.send(Command::Load), Outcome::NothingStored);
-    let commands = configured(&Sensor::default(), 500.0, 9);
-    for command in &commands {
-        desk.accepted(command.clone());
-    }
+    let commands = configured(500.0, 9);
+    desk.all_accepted(&commands);
     let before = desk.storage();
     desk.accepted(Command::GetStorage);
     let asked = desk.storage();
@@ -344,69 +317,10 @@ fn what_is_in_force_is_stored_and_both_are_reported() {
     );
 }
 
-/// Another calibration is abandoned at every step, by `load` and by a power cut.
-#[test]
-fn a_calibration_that_is_abandoned_at_any_step_leaves_the_earlier_one() {
-    let earlier = in_order(&configured(&Sensor::default(), 500.0, 1));
-    let later = configured(&stiff(), 250.0, 2);
-    let crc = configuration_crc(&earlier);
-    for step in 0..=later.len() {
-        let mut desk = Desk::new(&earlier).begun();
-        for command in &later[..step] {
-            desk.accepted(command.clone());
-        }
-        if step > 0 {
-            assert_ne!(desk.crc(), crc, "step {step}");
-        }
-        for mut desk in [desk.clone(), desk.power_cycled()] {
-            desk.accepted(Command::Load);
-            desk.settle();
-            let storage = desk.storage();
-            assert_eq!(
-                (storage.stored_crc, storage.in_force_crc, desk.crc()),
-                (crc, crc, crc),
-                "step {step}"
-            );
-            assert_eq!(storage.calibration_id, Some(1), "step {step}");
-            assert!(desk.faults().is_empty());
-        }
-        assert_eq!(desk.power_cycled().crc(), crc, "step {step}");
-    }
-}
-
-/// The power is cut at every step of a save: the previously stored set is active after the power comes
-/// back.
-#[test]
-fn a_power_cut_in_a_save_leaves_the_earlier_one() {
-    let earlier = in_order(&configured(&Sensor::default(), 500.0, 1));
-    let mut desk = Desk::new(&earlier).begun();
-    for command in configured(&stiff(), 250.0, 2) {
-        desk.accepted(command);
-    }
-    desk.accepted(Command::Store);
-    let mut cuts = 0;
-    while desk
-        .procedure
-        .step(Instant::from_ticks(desk.now_us), &Event::Tick)
-        .is_empty()
-        && desk.generation == 1
-    {
-        assert_eq!(desk.power_cycled().crc(), configuration_crc(&earlier));
-        desk.run(1);
-        cuts += 1;
-    }
-    assert!(cuts >= 10, "{cuts}");
-    desk.settle();
-    assert_eq!(desk.storage().calibration_id, Some(2));
-    assert_eq!(desk.power_cycled().crc(), desk.crc());
-}
-
 #[test]
 fn nothing_is_set_or_driven_while_the_storage_is_at_work() {
     let mut desk = Desk::new(&[]).begun();
-    for command in configured(&Sensor::default(), 500.0, 1) {
-        desk.accepted(command);
-    }
+    desk.all_accepted(&configured(500.0, 1));
     desk.accepted(Command::Store);
     let refused = [
         Command::SetSettings(DEFAULT_SETTINGS),
@@ -431,7 +345,7 @@ fn nothing_is_set_or_driven_while_the_storage_is_at_work() {
 
 #[test]
 fn what_is_damaged_is_not_in_force_and_is_said() {
-    let mut desk = Desk::new(&configured(&Sensor::default(), 500.0, 1));
+    let mut desk = Desk::new(&configured(500.0, 1));
     desk.fails = Some(StorageFailure::Damaged);
     let mut desk = desk.begun();
     assert_eq!(
@@ -450,7 +364,7 @@ fn what_is_damaged_is_not_in_force_and_is_said() {
 
 #[test]
 fn a_load_that_breaks_off_leaves_nothing_of_it_in_force() {
-    let stored = in_order(&configured(&Sensor::default(), 500.0, 1));
+    let stored = in_order(&configured(500.0, 1));
     let mut desk = Desk::new(&[]).begun();
     desk.accepted(Command::SetSettings(settings(|it| it.rate_hz = 250.0)));
     desk.stored = stored.clone();
@@ -471,7 +385,7 @@ fn a_load_that_breaks_off_leaves_nothing_of_it_in_force() {
 
 #[test]
 fn flash_that_takes_nothing_is_a_fault_and_what_was_stored_stays() {
-    let stored = in_order(&configured(&Sensor::default(), 500.0, 1));
+    let stored = in_order(&configured(500.0, 1));
     let mut desk = Desk::new(&stored).begun();
     desk.fails = Some(StorageFailure::Flash);
     desk.accepted(Command::SetSettings(settings(|it| it.rate_hz = 250.0)));
@@ -507,9 +421,7 @@ fn a_start_does_not_wait_for_a_storage_that_is_silent() {
 #[test]
 fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
     let mut desk = Desk::new(&[]).begun();
-    for command in configured(&Sensor::default(), 500.0, 1) {
-        desk.accepted(command);
-    }
+    desk.all_accepted(&configured(500.0, 1));
     desk.is_dead = true;
     desk.accepted(Command::Store);
     desk.run(14_900);
@@ -534,7 +446,7 @@ fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
 /// The stored configuration may be the cause of the crashes, so it is not loaded.
 #[test]
 fn after_a_streak_of_crashes_nothing_that_was_stored_is_in_force() {
-    let stored = in_order(&configured(&Sensor::default(), 500.0, 1));
+    let stored = in_order(&configured(500.0, 1));
     let mut desk = Desk::with(&stored, 5).begun();
     assert_eq!(desk.crc(), Desk::new(&[]).crc());
     let storage = desk.storage();
@@ -556,7 +468,7 @@ fn after_a_streak_of_crashes_nothing_that_was_stored_is_in_force() {
 #[test]
 fn the_identity_of_a_calibration_is_that_of_its_parts() {
     let mut desk = Desk::new(&[]).begun();
-    let commands = configured(&Sensor::default(), 500.0, 1);
+    let commands = configured(500.0, 1);
     let get = Command::GetCalibration(GetCalibration {
         part: Part::CalibrationIdentity,
         sensor: 0,
@@ -564,9 +476,7 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
     });
     let (identity, parts) = commands.split_last().expect("commands");
     assert_eq!(desk.send(identity.clone()), Outcome::OtherCalibration);
-    for command in parts {
-        desk.accepted(command.clone());
-    }
+    desk.all_accepted(parts);
     assert_eq!(desk.send(get.clone()), Outcome::NotSet);
     desk.accepted(identity.clone());
     desk.accepted(get.clone());
@@ -588,7 +498,7 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
 
 #[test]
 fn answers_go_where_their_command_came_from_and_all_else_to_every_link() {
-    let mut desk = Desk::new(&configured(&Sensor::default(), 500.0, 1)).begun();
+    let mut desk = Desk::new(&configured(500.0, 1)).begun();
     for link in Link::ALL {
         desk.records.clear();
         for command in [
@@ -622,11 +532,7 @@ fn answers_go_where_their_command_came_from_and_all_else_to_every_link() {
 fn only_the_pc_that_commands_a_current_keeps_it_up() {
     for (talking, ends) in [(Link::Probe, false), (Link::Usb, true)] {
         let mut rig = Rig::standing_in(State::Contact, |_| {});
-        rig.accepted(Command::DriveCoil(DriveCoil {
-            to_a: 1.0,
-            over_s: 0.0,
-            trace_interval_s: 0.0,
-        }));
+        rig.accepted(drive_coil(1.0, 0.0));
         for number in 0..20 {
             rig.run(10);
             rig.step(&Event::Command(
@@ -644,7 +550,7 @@ fn only_the_pc_that_commands_a_current_keeps_it_up() {
 
 #[test]
 fn a_device_that_is_to_start_anew_is_off_and_takes_nothing_more() {
-    let mut desk = Desk::new(&configured(&Sensor::default(), 500.0, 1)).begun();
+    let mut desk = Desk::new(&configured(500.0, 1)).begun();
     desk.accepted(Command::Arm);
     desk.actions.clear();
     desk.accepted(reboot(RebootTarget::Firmware));

@@ -9,21 +9,6 @@ use palpate_wire::command::Settings;
 use palpate_wire::record::{Crash, Raw, Sample, Status};
 use palpate_wire::{Command, Record};
 
-fn samples(rig: &Rig) -> Vec<Sample> {
-    rig.reported(|record| match record {
-        Record::Sample(sample) => Some(sample.clone()),
-        _ => None,
-    })
-}
-
-fn status(rig: &mut Rig) -> Status {
-    rig.accepted(Command::Identify);
-    rig.last(|record| match record {
-        Record::Status(status) => Some(status.clone()),
-        _ => None,
-    })
-}
-
 /// Returns a calibrated rig with these settings and no records yet.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(change));
@@ -55,8 +40,8 @@ fn the_first_words_are_who_speaks_and_what_the_last_run_died_of() {
     assert_eq!((channels, rate.0), (0b0001, 1_000.0));
     // Each of these records is sent exactly once.
     rig.run(100);
-    let again = |record: &Record| matches!(record, Record::Hello(_) | Record::Crash(_));
-    assert_eq!(rig.reported(|record| again(record).then_some(())).len(), 2);
+    let again = |(_, record): &&(_, Record)| matches!(record, Record::Hello(_) | Record::Crash(_));
+    assert_eq!(rig.records.iter().filter(again).count(), 2);
 }
 
 #[test]
@@ -65,7 +50,7 @@ fn every_so_many_samples_one_is_sent_with_what_was_lost_before_it() {
     for number in 1..=20 {
         rig.convert_with(|scan| scan.lost = u32::from(number == 7) * 3);
     }
-    let samples = samples(&rig);
+    let samples: Vec<Sample> = rig.all();
     let missed: Vec<_> = samples.iter().map(|of| (of.missed, of.gap)).collect();
     assert_eq!(missed, [(0, false), (3, true), (0, false), (0, false)]);
     // The record has the time of its conversion's middle.
@@ -77,9 +62,8 @@ fn every_so_many_samples_one_is_sent_with_what_was_lost_before_it() {
 fn nothing_is_sent_with_the_stream_off() {
     let mut rig = with(|of| of.stream = Stream::Off);
     rig.run(500);
-    assert!(samples(&rig).is_empty());
-    let raw = rig.reported(|record| matches!(record, Record::Raw(_)).then_some(()));
-    assert!(raw.is_empty());
+    assert!(rig.all::<Sample>().is_empty());
+    assert!(rig.all::<Raw>().is_empty());
 }
 
 #[test]
@@ -92,10 +76,7 @@ fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
             words.push(scan.conversions[0].reading.word.bits());
         });
     }
-    let runs: Vec<Raw> = rig.reported(|record| match record {
-        Record::Raw(raw) => Some(raw.clone()),
-        _ => None,
-    });
+    let runs: Vec<Raw> = rig.all();
     let received: Vec<u32> = runs.iter().flat_map(|run| run.words.clone()).collect();
     assert_eq!(received, words[..received.len()]);
     let capacity = runs[0].words.capacity();
@@ -124,7 +105,7 @@ fn a_drift_goes_on_while_readings_are_flagged() {
     drift(&mut rig, 2_000, false);
     drift(&mut rig, 400, true);
     drift(&mut rig, 1, false);
-    let sample = samples(&rig).pop().expect("a sample");
+    let sample: Sample = rig.last();
     let deformation_m = sample.channels[0].deformation_m.expect("a curve");
     // The baseline has followed for the whole time, so the 0.4 um of recovery do not appear as a
     // deformation.
@@ -158,7 +139,7 @@ fn every_channel_has_its_own_conversion_and_baseline() {
             scan.conversions.push(second).expect("room for four");
         });
     }
-    let sample = samples(&rig).pop().expect("samples");
+    let sample: Sample = rig.last();
     let channels: Vec<_> = sample.channels.iter().collect();
     assert_eq!((channels[0].channel, channels[0].offset_us), (0, 0));
     assert_eq!((channels[1].channel, channels[1].offset_us), (1, 400));
@@ -174,7 +155,7 @@ fn flagged_conversions_are_reported_and_counted_and_teach_nothing() {
     let mut rig = with(|_| {});
     rig.run(1_000);
     rig.records.clear();
-    let before = status(&mut rig);
+    let before = rig.status();
     for _ in 0..10 {
         // This reading is flagged; if it were accepted, it would be far from the baseline.
         rig.sensor.press(3e-4);
@@ -184,8 +165,8 @@ fn flagged_conversions_are_reported_and_counted_and_teach_nothing() {
         rig.sensor.flags = 0;
         rig.convert_with(|scan| scan.lost = 2);
     }
-    let after = status(&mut rig);
-    let samples = samples(&rig);
+    let after = rig.status();
+    let samples: Vec<Sample> = rig.all();
     let flagged = samples
         .iter()
         .filter(|of| of.channels[0].deformation_m.is_none());
@@ -212,14 +193,10 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
         scan.sensor = 1;
         rig.step(&Event::Scan(&scan));
     }
-    let of = |sensor| {
-        samples(&rig)
-            .iter()
-            .filter(|of| of.sensor == sensor)
-            .count()
-    };
+    let samples: Vec<Sample> = rig.all();
+    let of = |sensor| samples.iter().filter(|of| of.sensor == sensor).count();
     assert_eq!((of(0), of(1)), (200, 200));
-    let counted = status(&mut rig);
+    let counted = rig.status();
     assert_eq!(
         (counted.conversions, counted.second_conversions),
         (200, 200)
@@ -236,19 +213,18 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
 
 #[test]
 fn status_comes_every_period_and_counts_measurements() {
-    let mut rig = Rig::touched();
+    let mut rig = Rig::touched(|_| {});
     rig.measure();
     rig.accepted(Command::Abort);
     rig.until(palpate_wire::code::State::Release, 100);
     rig.accepted(Command::Measure);
     rig.accepted(Command::Abort);
-    let counted = status(&mut rig);
+    let counted = rig.status();
     assert_eq!((counted.measurements, counted.refusals), (1, 1));
     assert_eq!(counted.temperature_c, Some(25.0));
     rig.records.clear();
     rig.run(5_000);
-    let reports = rig.reported(|record| matches!(record, Record::Status(_)).then_some(()));
-    assert_eq!(reports.len(), 5);
+    assert_eq!(rig.all::<Status>().len(), 5);
 }
 
 /// The period is that of the converter, not that of the requested rate: 999.25 us at 1 kHz.
@@ -261,10 +237,8 @@ fn raw_words_have_the_period_of_their_conversions() {
             scan.middle = Instant::from_ticks(middle_us as u64);
         });
     }
-    let periods_us = rig.reported(|record| match record {
-        Record::Raw(raw) => Some(raw.period_us),
-        _ => None,
-    });
+    let runs = rig.all::<Raw>().into_iter();
+    let periods_us: Vec<_> = runs.map(|raw| raw.period_us).collect();
     assert!(periods_us.len() > 4, "{periods_us:?}");
     assert!(
         periods_us.iter().all(|us| (us - 999.25).abs() < 0.05),

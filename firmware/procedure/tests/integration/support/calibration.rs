@@ -4,6 +4,7 @@ use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
 use palpate_wire::command::{
     Attraction, Coil, Crosstalk, DeformationCurve, DeformationKnot, Settings, Springs, Stiffening,
+    TemperatureCoefficients, TemperatureEffect,
 };
 
 use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
@@ -83,6 +84,25 @@ pub(crate) fn crosstalk(sensor: &Sensor) -> Crosstalk {
         growth_per_m: sensor.crosstalk_growth_per_m as f32,
         uncertainty: 0.0,
     }
+}
+
+pub(crate) fn temperature_effect(
+    calibrated_at_c: f32,
+    springs_uncertainty_per_k: f32,
+    rise_uncertainty_per_k: f32,
+) -> Command {
+    Command::SetTemperatureEffect(TemperatureEffect {
+        calibrated_at_c,
+        springs_uncertainty_per_k,
+        rise_uncertainty_per_k,
+    })
+}
+
+pub(crate) fn temperature_coefficients(springs_per_k: f32, rise_per_k: f32) -> Command {
+    Command::SetTemperatureCoefficients(TemperatureCoefficients {
+        springs_per_k,
+        rise_per_k,
+    })
 }
 
 /// Returns the calibration that a measurement needs.

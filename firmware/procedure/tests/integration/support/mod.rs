@@ -15,9 +15,10 @@ use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
 };
 use palpate_wire::code::{Chip, FaultCode, Location, Outcome, ResetCause, State};
-use palpate_wire::command::{DriveCoil, Settings};
+use palpate_wire::command::{ClearFault, DriveCoil, Settings, StiffeningCurve};
 use palpate_wire::record::{
-    Acknowledgement, CoilTest, Estimate, Fault, Hello, Refusal, StateChange,
+    Acknowledgement, CoilTest, Estimate, Fault, Hello, LoadPoint, Raw, Refusal, Sample,
+    StateChange, Status, Storage, UncertaintyBudget,
 };
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
 
@@ -137,40 +138,6 @@ pub(crate) struct Rig {
     pub(crate) open: Vec<(u32, u8)>,
     /// The last command was a stop: nothing may be driven.
     pub(crate) stopped: bool,
-    /// Events and the resulting actions, for a test that repeats them.
-    pub(crate) tape: Option<Vec<Observed>>,
-}
-
-/// An event with its time and the resulting actions.
-#[derive(Clone)]
-pub(crate) struct Observed {
-    pub(crate) now_us: u64,
-    pub(crate) event: OwnEvent,
-    pub(crate) actions: Actions,
-}
-
-/// An event that owns its data.
-#[derive(Clone)]
-pub(crate) enum OwnEvent {
-    Tick,
-    Scan(Scan),
-    Command(Frame<Command>),
-    Conditions(Conditions),
-    CoilTested(CoilTest),
-    Other,
-}
-
-impl OwnEvent {
-    fn of(event: &Event<'_>) -> Self {
-        match event {
-            Event::Tick => Self::Tick,
-            Event::Scan(scan) => Self::Scan((*scan).clone()),
-            Event::Command(_, frame) => Self::Command((*frame).clone()),
-            Event::Conditions(conditions) => Self::Conditions(*conditions),
-            Event::CoilTested(found) => Self::CoilTested(found.clone()),
-            _ => Self::Other,
-        }
-    }
 }
 
 impl Rig {
@@ -193,7 +160,6 @@ impl Rig {
             drive: None,
             open: Vec::new(),
             stopped: false,
-            tape: None,
         }
     }
 
@@ -217,19 +183,27 @@ impl Rig {
     /// As [`calibrated`](Self::calibrated), armed and watching.
     pub(crate) fn armed(sensor: Sensor, settings: Settings) -> Self {
         let mut rig = Self::calibrated(sensor, settings);
-        rig.accepted(Command::Arm);
-        rig.until(State::Watching, 60_000);
+        rig.arm();
         rig
     }
 
-    /// As [`armed`](Self::armed) under usual conditions, and touched.
-    pub(crate) fn touched() -> Self {
-        let mut rig = Self::armed(
-            Sensor::default(),
-            palpate_procedure::configuration::DEFAULT_SETTINGS,
-        );
+    /// As [`armed`](Self::armed) with changed settings, and touched.
+    pub(crate) fn touched(change: impl FnOnce(&mut Settings)) -> Self {
+        let mut rig = Self::armed(Sensor::default(), calibration::settings(change));
         rig.touch(3e-4);
         rig
+    }
+
+    /// Arms, and waits until the baseline is known.
+    pub(crate) fn arm(&mut self) {
+        self.accepted(Command::Arm);
+        self.until(State::Watching, 60_000);
+    }
+
+    /// As [`arm`](Self::arm), and touches.
+    pub(crate) fn arm_and_touch(&mut self) {
+        self.arm();
+        self.touch(3e-4);
     }
 
     /// Creates a calibrated rig with changed settings in this state; armed except in a fault.
@@ -243,11 +217,7 @@ impl Rig {
                 rig.until(State::Watching, 3_000);
                 rig.touch(3e-4);
                 if state == State::Manual {
-                    rig.accepted(Command::DriveCoil(DriveCoil {
-                        to_a: 1.0,
-                        over_s: 0.01,
-                        trace_interval_s: 0.0,
-                    }));
+                    rig.accepted(drive_coil(1.0, 0.01));
                 } else if state != State::Contact {
                     rig.accepted(Command::Measure);
                 }
@@ -297,13 +267,6 @@ impl Rig {
     fn step_alone(&mut self, event: &Event<'_>) -> Actions {
         let now = Instant::from_ticks(self.now_us);
         let actions = self.procedure.step(now, event);
-        if let Some(tape) = &mut self.tape {
-            tape.push(Observed {
-                now_us: self.now_us,
-                event: OwnEvent::of(event),
-                actions: actions.clone(),
-            });
-        }
         for action in &actions {
             match action {
                 Action::SafeState => {
@@ -437,10 +400,14 @@ impl Rig {
     pub(crate) fn measure(&mut self) -> Estimate {
         self.accepted(Command::Measure);
         self.until(State::Estimating, 10_000);
-        self.last(|record| match record {
-            Record::Estimate(estimate) => Some(estimate.clone()),
-            _ => None,
-        })
+        self.last()
+    }
+
+    /// Returns whether the interval of an estimate contains the true stiffness.
+    pub(crate) fn covers(&self, estimate: &Estimate) -> bool {
+        let truth = self.sensor.load_n_per_m as f32;
+        let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
+        (estimate.lower_n_per_m..=upper).contains(&truth)
     }
 
     /// Requests a measurement that is refused.
@@ -457,11 +424,16 @@ impl Rig {
         self.refusals()[before].clone()
     }
 
+    /// Sends a command to a boot; returns the actions.
+    pub(crate) fn command(&mut self, command: Command, boot: u32) -> Actions {
+        self.sequence += 1;
+        let frame = frame(command, boot, self.sequence);
+        self.step(&Event::Command(Link::Probe, &frame))
+    }
+
     /// Sends a command; returns the only answer in this step, its own.
     pub(crate) fn send(&mut self, command: Command) -> Acknowledgement {
-        self.sequence += 1;
-        let frame = frame(command, BOOT, self.sequence);
-        let actions = self.step(&Event::Command(Link::Probe, &frame));
+        let actions = self.command(command, BOOT);
         answers(&actions).pop().expect("an answer")
     }
 
@@ -494,34 +466,33 @@ impl Rig {
     }
 
     /// Returns the content of all records of a kind.
-    pub(crate) fn reported<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> Vec<T> {
+    pub(crate) fn all<T: Content>(&self) -> Vec<T> {
         let records = self.records.iter();
-        records.filter_map(|(_, record)| kind(record)).collect()
+        records
+            .filter_map(|(_, record)| T::of(record).cloned())
+            .collect()
     }
 
-    pub(crate) fn last<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> T {
-        self.reported(kind).pop().expect("such a record")
+    pub(crate) fn last<T: Content>(&self) -> T {
+        self.all().pop().expect("such a record")
     }
 
     pub(crate) fn refusals(&self) -> Vec<Refusal> {
-        self.reported(|record| match record {
-            Record::Refusal(refusal) => Some(refusal.clone()),
-            _ => None,
-        })
+        self.all()
     }
 
     pub(crate) fn faults(&self) -> Vec<Fault> {
-        self.reported(|record| match record {
-            Record::Fault(fault) => Some(fault.clone()),
-            _ => None,
-        })
+        self.all()
     }
 
     pub(crate) fn changes(&self) -> Vec<StateChange> {
-        self.reported(|record| match record {
-            Record::State(change) => Some(change.clone()),
-            _ => None,
-        })
+        self.all()
+    }
+
+    /// Requests the counters.
+    pub(crate) fn status(&mut self) -> Status {
+        self.accepted(Command::Identify);
+        self.last()
     }
 
     /// Returns the states entered, in order.
@@ -555,16 +526,60 @@ pub(crate) fn frame(message: Command, boot_id: u32, sequence: u32) -> Frame<Comm
     Frame { header, message }
 }
 
+/// Content of the records of one kind.
+pub(crate) trait Content: Clone {
+    fn of(record: &Record) -> Option<&Self>;
+}
+
+macro_rules! contents {
+    ($($kind:ident: $content:ty,)+) => {$(
+        impl Content for $content {
+            fn of(record: &Record) -> Option<&Self> {
+                match record {
+                    Record::$kind(content) => Some(content),
+                    _ => None,
+                }
+            }
+        }
+    )+};
+}
+
+contents! {
+    Acknowledgement: Acknowledgement,
+    CoilTest: CoilTest,
+    Estimate: Estimate,
+    Fault: Fault,
+    Hello: Hello,
+    LoadPoint: LoadPoint,
+    Raw: Raw,
+    Refusal: Refusal,
+    Sample: Sample,
+    State: StateChange,
+    Status: Status,
+    StiffeningCurve: StiffeningCurve,
+    Storage: Storage,
+    UncertaintyBudget: UncertaintyBudget,
+}
+
 /// Returns the answers among the actions.
 pub(crate) fn answers(actions: &Actions) -> Vec<Acknowledgement> {
-    let records = actions.iter().filter_map(|action| match action {
-        Action::Record { record, .. } => Some(record),
+    let answers = actions.iter().filter_map(|action| match action {
+        Action::Record { record, .. } => Acknowledgement::of(record).cloned(),
         _ => None,
     });
-    records
-        .filter_map(|record| match record {
-            Record::Acknowledgement(answer) => Some(answer.clone()),
-            _ => None,
-        })
-        .collect()
+    answers.collect()
+}
+
+/// Returns the command that clears a fault.
+pub(crate) fn clear(code: FaultCode) -> Command {
+    Command::ClearFault(ClearFault { code })
+}
+
+/// Returns the command that drives a current without a trace.
+pub(crate) fn drive_coil(to_a: f32, over_s: f32) -> Command {
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s,
+        trace_interval_s: 0.0,
+    })
 }

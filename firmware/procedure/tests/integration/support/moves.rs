@@ -4,7 +4,7 @@ use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Duration, Event, Instant, Link};
 use palpate_wire::code::{Drift, FaultCode, Location, Part, Stream};
-use palpate_wire::command::{ClearFault, DriveCoil, GetCalibration, Settings};
+use palpate_wire::command::{DriveCoil, GetCalibration, Settings};
 use palpate_wire::{Command, FrameError, Header, PayloadError};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -13,7 +13,7 @@ use super::calibration::{
     COIL, attraction, calibration, crosstalk, curve, settings, springs, stiffening,
 };
 use super::sensor::Sensor;
-use super::{BOOT, Rig, frame};
+use super::{BOOT, Rig, clear, frame};
 
 /// A change of the rig, or an event that it receives.
 #[derive(Clone, Debug)]
@@ -97,9 +97,7 @@ pub(crate) fn carry_out(rig: &mut Rig, of: &Move) {
         Move::Rise(rise) => rig.sensor.rise = *rise,
         Move::Load(load_n_per_m) => rig.sensor.load_n_per_m = *load_n_per_m,
         Move::Command(command, boot) => {
-            rig.sequence += 1;
-            let frame = frame(command.as_ref().clone(), *boot, rig.sequence);
-            rig.step(&Event::Command(Link::Probe, &frame));
+            rig.command(command.as_ref().clone(), *boot);
         }
         Move::Again(command) => {
             let frame = frame(command.as_ref().clone(), BOOT, rig.sequence);
@@ -117,7 +115,7 @@ pub(crate) fn carry_out(rig: &mut Rig, of: &Move) {
 fn restore(rig: &mut Rig) {
     rig.accepted(Command::Disarm);
     for code in FaultCode::ALL.iter().copied() {
-        rig.outcome(Command::ClearFault(ClearFault { code }));
+        rig.outcome(clear(code));
     }
     rig.sensor = Sensor::default();
     rig.current_gain = 1.0;
@@ -177,7 +175,6 @@ pub(crate) fn short() -> Settings {
 }
 
 fn usual_commands() -> impl Strategy<Value = Command> {
-    let clear = |code| Command::ClearFault(ClearFault { code });
     select(vec![
         Command::Arm,
         Command::Arm,
@@ -228,7 +225,7 @@ fn commands() -> impl Strategy<Value = Command> {
         ]),
         (floats(), floats(), floats()).prop_map(drive_coil),
         (-9.0..9.0_f32, 0.0..0.1_f32, 0.0..0.01_f32).prop_map(drive_coil),
-        select(FaultCode::ALL).prop_map(|code| Command::ClearFault(ClearFault { code })),
+        select(FaultCode::ALL).prop_map(clear),
         get,
         changed_settings().prop_map(Command::SetSettings),
         calibrations(),
