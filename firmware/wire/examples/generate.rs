@@ -12,7 +12,7 @@ mod support;
 
 fn main() -> std::io::Result<()> {
     for (name, content) in support::fixture::files() {
-        fs::write(support::fixture::folder().join(&name), &content)?;
+        fs::write(support::fixture::path(&name), &content)?;
         println!("{name}: {} bytes", content.len());
     }
     let path = support::document::path();

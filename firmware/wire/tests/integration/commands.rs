@@ -1,14 +1,15 @@
 //! Addressee of a command, and CRC of a configuration.
 
-use crate::support::fixture::commands;
-use crate::support::reference::crc32c;
-use crate::support::specimens;
-use palpate_wire::{Command, Header, Message, configuration_crc};
+use crate::support::fixture::{commands, typical};
+use crate::support::{bytes_of, content, unstuffed};
+use palpate_wire::record::Hello;
+use palpate_wire::{Command, Header, Message, configuration_crc, crc32};
 
 #[test]
 fn only_what_makes_nothing_less_safe_is_for_any_boot() {
     let harmless = ["identify", "disarm", "abort", "sensing_only"];
-    for command in specimens::commands() {
+    for frame in commands() {
+        let command = frame.message;
         let name = command.name();
         assert!(command.is_for(7, 7), "{name}");
         assert!(!command.is_for(7, 8), "{name}");
@@ -17,47 +18,26 @@ fn only_what_makes_nothing_less_safe_is_for_any_boot() {
     }
 }
 
-/// Kind and payload of each command, cut out of the fixture before COBS.
+/// Compares with kind and payload of each command, cut out of its frame, and with the number that the
+/// fixture's `hello` reports.
 #[test]
 fn the_configuration_is_its_commands_without_their_headers() {
-    let setters: Vec<_> = specimens::commands()
-        .into_iter()
-        .filter(|command| (0x90..0xA0).contains(&command.kind()))
-        .collect();
+    let mut setters = commands();
+    setters.truncate(Command::KINDS.len());
+    setters.retain(|frame| (0x90..0xA0).contains(&frame.message.kind()));
     let mut bytes = Vec::new();
-    for command in &setters {
-        let frame = commands()
-            .into_iter()
-            .find(|frame| frame.message == *command)
-            .unwrap();
-        let body = unstuffed(&crate::support::bytes_of(&frame));
-        let empty = palpate_wire::Frame {
-            header: frame.header,
-            message: Command::Arm,
-        };
-        let header = unstuffed(&crate::support::bytes_of(&empty)).len() - 4;
-        bytes.push(body[1]);
+    for frame in &setters {
+        let kind = frame.message.kind();
+        let body = unstuffed(&bytes_of(frame));
+        let header = content(&frame.header, kind, &[]).len();
+        bytes.push(kind);
         bytes.extend(&body[header..body.len() - 4]);
     }
+    let setters: Vec<_> = setters.into_iter().map(|frame| frame.message).collect();
     assert_eq!(setters.len(), 13);
-    assert_eq!(configuration_crc(&setters), crc32c(&bytes));
-    assert_ne!(
-        configuration_crc(&setters),
-        configuration_crc(setters.iter().rev())
-    );
+    let crc = configuration_crc(&setters);
+    assert_eq!(crc, crc32(&bytes));
+    assert_eq!(crc, typical::<Hello>("hello").configuration_crc);
+    assert_ne!(crc, configuration_crc(setters.iter().rev()));
     assert_eq!(configuration_crc(&[] as &[Command]), 0);
-}
-
-fn unstuffed(frame: &[u8]) -> Vec<u8> {
-    let mut body = Vec::new();
-    let mut rest = &frame[..frame.len() - 1];
-    while let [code, others @ ..] = rest {
-        let (block, others) = others.split_at(usize::from(*code) - 1);
-        body.extend(block);
-        if *code < 255 && !others.is_empty() {
-            body.push(0);
-        }
-        rest = others;
-    }
-    body
 }

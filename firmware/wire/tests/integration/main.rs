@@ -4,7 +4,7 @@ mod checksum;
 mod commands;
 mod fixture;
 mod loss;
-mod reading;
+mod payloads;
 mod robustness;
 mod round_trip;
 mod schema;

@@ -1,23 +1,19 @@
 //! Any input: no panic, no frame that was never sent, and resynchronisation.
 
-use crate::support::reference::{cobs, content_bytes, framed};
-use crate::support::{bytes_of, corruption, fixture, header, specimens};
+use crate::support::fixture::{commands, records};
+use crate::support::payloads::any_parts;
+use crate::support::{bytes_of, content, frame_of, framed, header, sound, stuffed};
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{
-    Command, CommandDecoder, Counts, FrameError, Message, PayloadError, Record, RecordDecoder,
-    VERSION,
+    Command, CommandDecoder, Counts, Decoder, Frame, FrameError, Message, PayloadError, Record,
+    RecordDecoder, VERSION,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::sample::Index;
 
-/// Returns a typical frame.
-fn sound(sequence: u32) -> Vec<u8> {
-    let message = specimens::records().swap_remove(7);
-    bytes_of(&palpate_wire::Frame {
-        header: header(sequence),
-        message,
-    })
-}
+/// Kind of a `state`.
+const STATE: u8 = 0x05;
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
@@ -40,31 +36,15 @@ proptest! {
         kind in any::<u8>(),
         rest in vec(prop_oneof![any::<u8>(), Just(0x80), Just(0xFF), Just(1)], 0..250),
     ) {
-        let mut content = vec![VERSION, kind];
-        content.extend(rest);
-        let bytes = framed(&content);
-        let mut records = RecordDecoder::new();
-        let mut commands = CommandDecoder::new();
-        let results = [
-            records.frames(&bytes).map(|result| result.map(|frame| bytes_of(&frame))).next(),
-            commands.frames(&bytes).map(|result| result.map(|frame| bytes_of(&frame))).next(),
-        ];
-        for result in results {
-            match result.expect("the zero ends a frame") {
-                // The input may have been longer than its shortest encoding, never shorter.
-                Ok(encoded) => prop_assert!(encoded.len() <= bytes.len()),
-                Err(FrameError::Stuffing | FrameError::Checksum | FrameError::TooShort) => {
-                    prop_assert!(false, "the frame was whole");
-                }
-                Err(_) => {}
-            }
-        }
+        let bytes = framed(&[&[VERSION, kind], &rest[..]].concat());
+        is_read_or_refused(RecordDecoder::new(), &bytes);
+        is_read_or_refused(CommandDecoder::new(), &bytes);
     }
 
     /// The stream is passed to the decoder in pieces of any size.
     #[test]
     fn the_division_of_the_stream_does_not_matter(cuts in vec(0..400_usize, 0..8)) {
-        let stream: Vec<u8> = (0..6).flat_map(sound).collect();
+        let stream: Vec<u8> = (0..6).map(header).map(sound).collect::<Vec<_>>().concat();
         let mut decoder = RecordDecoder::new();
         let mut rest = &stream[..];
         let mut frames = 0;
@@ -80,9 +60,7 @@ proptest! {
     /// After any garbage and one zero, the next frame is received.
     #[test]
     fn one_zero_is_enough_to_be_back_in_step(garbage in vec(any::<u8>(), 0..700)) {
-        let mut stream = garbage;
-        stream.push(0);
-        stream.extend(sound(1));
+        let stream = [&garbage[..], &[0], &sound(header(1))].concat();
         let mut decoder = RecordDecoder::new();
         let last = decoder.frames(&stream).last().expect("at least one frame");
         prop_assert_eq!(last.map(|frame| frame.header.sequence), Ok(1));
@@ -90,36 +68,120 @@ proptest! {
     }
 }
 
-/// A part of `cargo run --release --example corruption`.
-#[test]
-fn no_damaged_frame_is_taken_for_a_sound_one() {
-    let outcome = corruption::run(30_000, 7);
-    assert_eq!(
-        (outcome.undetected, outcome.out_of_step),
-        (0, 0),
-        "{outcome}"
-    );
-    assert!(outcome.refused >= 30_000 / 2, "{outcome}");
-    assert!(
-        outcome.kinds.iter().all(|&count| count > 1_000),
-        "{outcome}"
-    );
+/// Checks that a frame with a valid CRC-32 is read, or refused for what stands in it. It may be longer than
+/// its shortest encoding, never shorter.
+fn is_read_or_refused<M: Message, const N: usize>(mut decoder: Decoder<M, N>, bytes: &[u8]) {
+    let mut results = decoder.frames(bytes);
+    match results.next().expect("the zero ends a frame") {
+        Ok(frame) => assert!(bytes_of(&frame).len() <= bytes.len()),
+        Err(FrameError::Stuffing | FrameError::Checksum | FrameError::TooShort) => {
+            panic!("the frame was whole");
+        }
+        Err(_) => {}
+    }
 }
 
-/// Inverts every single bit of every typical frame.
+/// Damage to a frame in transit.
+#[derive(Clone, Debug)]
+enum Damage {
+    Flip(Vec<(Index, u8)>),
+    /// Bytes are missing, exchanged for others, or put in.
+    Replace(Index, usize, Vec<u8>),
+    Swap(Index, Index),
+    /// The frame breaks off, and another one goes on.
+    Continue(Index, Index),
+    /// The zero at the end is missing.
+    Join,
+}
+
+fn any_damage() -> impl Strategy<Value = Damage> {
+    let index = any::<Index>;
+    prop_oneof![
+        2 => vec((index(), 0..8_u8), 1..=8).prop_map(Damage::Flip),
+        4 => (index(), prop_oneof![0..=8_usize, 0..=255_usize], vec(any::<u8>(), 0..=8))
+            .prop_map(|(from, length, by)| Damage::Replace(from, length, by)),
+        1 => (index(), index()).prop_map(|(one, other)| Damage::Swap(one, other)),
+        1 => (index(), index()).prop_map(|(at, from)| Damage::Continue(at, from)),
+        1 => Just(Damage::Join),
+    ]
+}
+
+impl Damage {
+    fn apply(&self, frame: &mut Vec<u8>, other: &[u8]) {
+        let length = frame.len();
+        match self {
+            Self::Flip(bits) => bits
+                .iter()
+                .for_each(|(at, bit)| frame[at.index(length)] ^= 1 << bit),
+            Self::Replace(from, count, by) => {
+                let from = from.index(length);
+                frame.splice(from..length.min(from + count), by.iter().copied());
+            }
+            Self::Swap(one, other) => frame.swap(one.index(length), other.index(length)),
+            Self::Continue(at, from) => {
+                frame.truncate(at.index(length));
+                frame.extend(&other[from.index(other.len())..]);
+            }
+            Self::Join => {
+                frame.pop();
+                frame.extend(other);
+            }
+        }
+    }
+}
+
+fn any_frame<M: Message>() -> impl Strategy<Value = Vec<u8>> {
+    any_parts::<M>(false)
+        .prop_map(|(header, kind, payload)| frame_of(&header, kind.number, &payload))
+}
+
+/// Four frames, the first of which is damaged.
+fn any_frames<M: Message>() -> impl Strategy<Value = [Vec<u8>; 4]> {
+    std::array::from_fn(|_| any_frame::<M>())
+}
+
+/// Damage to the zero at the end of a frame may destroy the next frame, but not the last one.
+fn is_not_deceived<M: Message, const N: usize>(
+    mut decoder: Decoder<M, N>,
+    sent: &[Vec<u8>; 4],
+    damage: &Damage,
+) {
+    let [first, second, next, last] = sent;
+    let mut damaged = first.clone();
+    damage.apply(&mut damaged, second);
+    let stream = [&damaged, next, last].map(Vec::as_slice).concat();
+    let frames = decoder.frames(&stream).flatten();
+    let received: Vec<_> = frames.map(|frame| bytes_of(&frame)).collect();
+    assert!(received.iter().all(|frame| sent.contains(frame)));
+    assert_eq!(received.last(), Some(last));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 15_000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_damaged_frame_is_taken_for_a_sound_one(
+        records in any_frames::<Record>(),
+        commands in any_frames::<Command>(),
+        damage in any_damage(),
+    ) {
+        is_not_deceived(RecordDecoder::new(), &records, &damage);
+        is_not_deceived(CommandDecoder::new(), &commands, &damage);
+    }
+}
+
+/// Inverts every single bit of every typical frame, also of its CRC-32.
 #[test]
 fn every_single_flipped_bit_is_found() {
-    for frame in fixture::records().iter().take(Record::KINDS.len()) {
+    for frame in records().iter().take(Record::KINDS.len()) {
         let bytes = bytes_of(frame);
         for bit in 0..bytes.len() * 8 {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
             damaged.push(0);
             let mut decoder = RecordDecoder::new();
-            assert!(
-                decoder.frames(&damaged).all(|result| result.is_err()),
-                "bit {bit}"
-            );
+            let mut results = decoder.frames(&damaged);
+            assert!(results.all(|result| result.is_err()), "bit {bit}");
         }
     }
 }
@@ -131,144 +193,82 @@ fn only_error(bytes: &[u8]) -> (FrameError, Counts) {
     (results.remove(0).unwrap_err(), *decoder.counts())
 }
 
+/// Counter of an error.
+type Counter = fn(&mut Counts) -> &mut u32;
+
 #[test]
 fn every_error_is_named_and_counted_by_itself() {
-    let whole = sound(5);
-    let content = content_bytes(&header(5), 0x05, &[1, 1, 1, 1, 0]);
+    let (header, kind) = (header(5), STATE);
+    let state = content(&header, kind, &[1, 1, 1, 1, 0]);
     let with = |change: fn(&mut Vec<u8>)| {
-        let mut content = content.clone();
+        let mut content = state.clone();
         change(&mut content);
         framed(&content)
     };
-    let header = header(5);
-    let kind = 0x05;
     let payload = |cause| FrameError::Payload {
         header,
         kind,
         cause,
     };
-
-    let none = Counts::default();
-    let cut = [&whole[..9], &[0]].concat();
-    assert_eq!(
-        only_error(&cut),
-        (
-            FrameError::Stuffing,
-            Counts {
-                stuffing: 1,
-                ..none
-            }
-        )
-    );
-    let long = [&[0x11; 300][..], &[0]].concat();
-    assert_eq!(
-        only_error(&long),
-        (
-            FrameError::TooLong,
-            Counts {
-                too_long: 1,
-                ..none
-            }
-        )
-    );
-    // A frame that is longer than the maximum, and otherwise valid.
-    let long = with(|content| content.extend([7; 300]));
-    assert_eq!(
-        only_error(&long),
-        (
-            FrameError::TooLong,
-            Counts {
-                too_long: 1,
-                ..none
-            }
-        )
-    );
-    let short = [2, 1, 0];
-    assert_eq!(
-        only_error(&short),
-        (
-            FrameError::TooShort,
-            Counts {
-                too_short: 1,
-                ..none
-            }
-        )
-    );
-    for content in [&[][..], &[VERSION]] {
-        let short = framed(content);
-        assert_eq!(
-            only_error(&short),
-            (
-                FrameError::TooShort,
-                Counts {
-                    too_short: 1,
-                    ..none
-                }
-            )
-        );
-    }
+    let whole = sound(header);
     let mut wrong = whole.clone();
     wrong[3] ^= 0x40;
-    assert_eq!(
-        only_error(&wrong),
+    let no_header = framed(&[VERSION, kind, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F, 0, 0, 0]);
+    let short: Counter = |counts| &mut counts.too_short;
+    let long: Counter = |counts| &mut counts.too_long;
+    let malformed: Counter = |counts| &mut counts.payload;
+    let cases: [(Vec<u8>, FrameError, Counter); 13] = [
         (
-            FrameError::Checksum,
-            Counts {
-                checksum: 1,
-                ..none
-            }
-        )
-    );
-    let other = with(|content| content[0] = VERSION + 1);
-    let found = VERSION + 1;
-    assert_eq!(
-        only_error(&other),
-        (FrameError::Version { found }, Counts { version: 1, ..none })
-    );
-    let headless = framed(&[VERSION, kind, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F, 0, 0, 0]);
-    assert_eq!(
-        only_error(&headless),
-        (FrameError::Header, Counts { header: 1, ..none })
-    );
-    let unknown = with(|content| content[1] = 0x7F);
-    let kind = 0x7F;
-    assert_eq!(
-        only_error(&unknown),
+            [&whole[..9], &[0]].concat(),
+            FrameError::Stuffing,
+            |counts| &mut counts.stuffing,
+        ),
+        ([&[0x11; 300][..], &[0]].concat(), FrameError::TooLong, long),
+        // A frame that is longer than the maximum, and otherwise valid.
         (
-            FrameError::UnknownKind { header, kind },
-            Counts {
-                unknown_kind: 1,
-                ..none
-            }
-        )
-    );
-    let unfinished = with(|content| content.truncate(content.len() - 1));
-    assert_eq!(
-        only_error(&unfinished),
+            with(|content| content.extend([7; 300])),
+            FrameError::TooLong,
+            long,
+        ),
+        (vec![2, 1, 0], FrameError::TooShort, short),
+        (framed(&[]), FrameError::TooShort, short),
+        (framed(&[VERSION]), FrameError::TooShort, short),
+        (wrong, FrameError::Checksum, |counts| &mut counts.checksum),
         (
+            with(|content| content[0] = VERSION + 1),
+            FrameError::Version { found: VERSION + 1 },
+            |counts| &mut counts.version,
+        ),
+        (no_header, FrameError::Header, |counts| &mut counts.header),
+        (
+            with(|content| content[1] = 0x7F),
+            FrameError::UnknownKind { header, kind: 0x7F },
+            |counts| &mut counts.unknown_kind,
+        ),
+        (
+            with(|content| content.truncate(content.len() - 1)),
             payload(PayloadError::Malformed),
-            Counts { payload: 1, ..none }
-        )
-    );
-    let no_bool = with(|content| {
-        let at = content.len() - 2;
-        content[at] = 2;
-    });
-    assert_eq!(
-        only_error(&no_bool),
+            malformed,
+        ),
         (
+            with(|content| {
+                let armed = content.len() - 2;
+                content[armed] = 2;
+            }),
             payload(PayloadError::Malformed),
-            Counts { payload: 1, ..none }
-        )
-    );
-    let excess = with(|content| content.extend([0, 0]));
-    assert_eq!(
-        only_error(&excess),
+            malformed,
+        ),
         (
+            with(|content| content.extend([0, 0])),
             payload(PayloadError::Excess { bytes: 2 }),
-            Counts { payload: 1, ..none }
-        )
-    );
+            malformed,
+        ),
+    ];
+    for (bytes, error, counter) in cases {
+        let mut counts = Counts::default();
+        *counter(&mut counts) = 1;
+        assert_eq!(only_error(&bytes), (error, counts));
+    }
 }
 
 #[test]
@@ -290,7 +290,7 @@ fn counts_tell_damage_from_what_is_not_understood() {
 
 #[test]
 fn errors_say_what_is_the_matter() {
-    let (error, _) = only_error(&framed(&[VERSION + 1, 5]));
+    let (error, _) = only_error(&framed(&[VERSION + 1, STATE]));
     assert_eq!(
         error.to_string(),
         format!(
@@ -299,11 +299,8 @@ fn errors_say_what_is_the_matter() {
         )
     );
     assert_eq!(error.header(), None);
-    let (error, _) = only_error(&framed(&content_bytes(
-        &header(5),
-        0x05,
-        &[1, 1, 1, 1, 0, 9],
-    )));
+    let excess = frame_of(&header(5), STATE, &[1, 1, 1, 1, 0, 9]);
+    let (error, _) = only_error(&excess);
     assert_eq!(
         error.to_string(),
         "payload of frame 5, kind 0x05, has 1 bytes too many"
@@ -311,79 +308,52 @@ fn errors_say_what_is_the_matter() {
     assert_eq!(error.header(), Some(&header(5)));
 }
 
-/// Tests the longest varint, and one that is too long.
-#[test]
-fn hostile_varints_are_refused() {
-    for length in 1..=20 {
-        let mut content = vec![VERSION, 0x05];
-        content.extend(vec![0xFF; length]);
-        content.extend([0x7F, 0, 0, 0, 0, 0]);
-        let (error, _) = only_error(&framed(&content));
-        assert!(
-            matches!(error, FrameError::Header | FrameError::Payload { .. }),
-            "{error}"
-        );
-    }
-    // The list claims more items than its capacity, and more than there are.
-    for claimed in [[33, 0], [0xFF, 0x7F]] {
-        let mut payload = vec![0, 0, 1, 0, 0, 0x80, 0x3F];
-        payload.extend(claimed);
-        let (error, _) = only_error(&framed(&content_bytes(&header(1), 0x04, &payload)));
-        assert!(matches!(error, FrameError::Payload { .. }), "{error}");
-    }
-}
-
 /// The decoder refuses a frame that is a byte too long and accepts the longest one.
 #[test]
 fn the_longest_frame_is_taken_and_a_longer_one_is_not() {
-    let longest = fixture::commands()
-        .iter()
-        .map(bytes_of)
-        .max_by_key(Vec::len)
-        .unwrap();
-    assert!(Command::MAX_FRAME - longest.len() <= 1);
-    let mut decoder = CommandDecoder::new();
-    let whole = |decoder: &mut CommandDecoder| -> Vec<bool> {
-        let frames = decoder.frames(&longest);
-        frames.map(|frame| frame.is_ok()).collect()
-    };
-    assert_eq!(whole(&mut decoder), [true]);
-    let mut body = vec![0x33; Command::MAX_FRAME - 1];
-    body[..2].copy_from_slice(&[VERSION, 0x90]);
-    let results: Vec<_> = decoder.frames(&cobs(&body)).collect();
-    assert_eq!(results, [Err(FrameError::TooLong)]);
-    assert_eq!(whole(&mut decoder), [true]);
+    fn check<M: Message, const N: usize>(mut decoder: Decoder<M, N>, frames: &[Frame<M>]) {
+        let longest = frames.iter().map(bytes_of).max_by_key(Vec::len).unwrap();
+        assert!(M::MAX_FRAME - longest.len() <= 1);
+        let whole = |decoder: &mut Decoder<M, N>| -> Vec<bool> {
+            let frames = decoder.frames(&longest);
+            frames.map(|frame| frame.is_ok()).collect()
+        };
+        assert_eq!(whole(&mut decoder), [true]);
+        let too_long = stuffed(&vec![0x33; M::MAX_FRAME - 1]);
+        let mut results = decoder.frames(&too_long);
+        let only = results.next().and_then(Result::err);
+        assert_eq!(only, Some(FrameError::TooLong));
+        assert!(results.next().is_none());
+        drop(results);
+        assert_eq!(whole(&mut decoder), [true]);
+    }
+    check(RecordDecoder::new(), &records());
+    check(CommandDecoder::new(), &commands());
 }
 
 #[test]
 fn a_record_is_no_command_and_a_command_no_record() {
-    let mut commands = CommandDecoder::new();
-    for frame in fixture::records().iter().take(Record::KINDS.len()) {
+    let mut decoder = CommandDecoder::new();
+    for frame in records().iter().take(Record::KINDS.len()) {
         let bytes = bytes_of(frame);
         // A record that is longer than any command does not even fit into the command decoder.
-        assert!(commands.frames(&bytes).all(|result| result.is_err()));
+        assert!(decoder.frames(&bytes).all(|result| result.is_err()));
     }
-    let mut records = RecordDecoder::new();
-    for frame in fixture::commands() {
-        let result = records.frames(&bytes_of(&frame)).next().unwrap();
-        assert_eq!(
-            result,
-            Err(FrameError::UnknownKind {
-                header: frame.header,
-                kind: frame.message.kind()
-            })
-        );
+    let mut decoder = RecordDecoder::new();
+    for frame in commands() {
+        let (header, kind) = (frame.header, frame.message.kind());
+        let result = decoder.frames(&bytes_of(&frame)).next().unwrap();
+        assert_eq!(result, Err(FrameError::UnknownKind { header, kind }));
     }
 }
 
 #[test]
 fn what_is_not_understood_can_be_answered() {
-    let header = header(9);
+    let (header, kind) = (header(9), 0xEE);
     let answer = |error| {
         Acknowledgement::not_understood(&error)
             .map(|answer| (answer.command, answer.kind, answer.outcome.name()))
     };
-    let kind = 0xEE;
     let error = FrameError::UnknownKind { header, kind };
     assert_eq!(answer(error), Some((9, 0xEE, "unknown_command")));
     let cause = PayloadError::Malformed;

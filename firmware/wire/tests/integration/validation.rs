@@ -1,252 +1,228 @@
 //! Commands beyond their limits are refused, with name and limit.
 
-use crate::support::fixture::decode_one;
-use crate::support::reference::{self, Value, content_bytes, framed, payload_bytes};
-use crate::support::{header, kind_of, specimens};
+use crate::support::fixture::typical;
+use crate::support::payloads::{encoded, fields, largest, list, payload_of};
+use crate::support::{decode_one, frame_of, header, kind_of};
 use palpate_wire::code::{FaultCode, Outcome};
-use palpate_wire::command::{ClearFault, DeformationCurve, Settings, StiffeningCurve};
+use palpate_wire::command::{
+    ClearFault, CurrentCorrection, DeformationCurve, Settings, StiffeningCurve,
+};
 use palpate_wire::record::{Acknowledgement, Sample};
-use palpate_wire::schema::{Described, Kind, Type};
-use palpate_wire::{Command, Frame, Invalid, Message, Problem};
+use palpate_wire::schema::{Described, Field, Kind, Structure, Type};
+use palpate_wire::{Command, Frame, Invalid, Message, Problem, Record};
 
-/// Returns a payload with every quantity in the middle of its range.
-fn middling(of: &Type, range: (f32, f32)) -> Value {
-    let middle = if range.0.is_finite() {
-        (range.0 + range.1) / 2.0
-    } else {
-        1.0
+/// Returns a field with its quantity in the middle of its range.
+fn middling(field: &Field) -> Vec<u8> {
+    let (low, high) = (field.range.low, field.range.high);
+    let middle = match low.is_finite() {
+        true => (low + high) / 2.0,
+        false => 1.0,
     };
-    match of {
-        Type::Bool => Value::Bool(true),
-        Type::Code(table) => Value::Unsigned(table.entries[0].number.into()),
-        Type::U8 | Type::U16 | Type::U32 | Type::U64 => Value::Unsigned(middle as u64),
-        Type::F32 => Value::F32(middle.to_bits()),
-        Type::F64 => Value::F64(f64::from(middle).to_bits()),
-        Type::Optional(of) => Value::Optional(Some(Box::new(middling(of, range)))),
-        Type::List { item, .. } => Value::List(vec![middling(item, range)]),
-        Type::Text { .. } => Value::Text(String::new()),
-        Type::Structure(structure) => Value::Fields(
-            structure
-                .fields
-                .iter()
-                .map(|field| middling(&field.of, (field.range.low, field.range.high)))
-                .collect(),
-        ),
+    match field.of {
+        Type::Bool => encoded(&true),
+        Type::Code(table) => vec![table.entries[0].number],
+        Type::U8 => vec![middle as u8],
+        Type::U16 | Type::U32 | Type::U64 => encoded(&(middle as u64)),
+        Type::F32 => encoded(&middle),
+        Type::F64 => encoded(&f64::from(middle)),
+        Type::Optional(of) => [vec![1], middling(&Field { of: *of, ..*field })].concat(),
+        Type::List { item, .. } => list(&[middling(&Field {
+            of: *item,
+            ..*field
+        })]),
+        Type::Text { .. } => list(&[]),
+        Type::Structure(structure) => fields(structure, middling),
     }
 }
 
-fn decoded(kind: &Kind, payload: &Value) -> Command {
-    let payload = payload_bytes(Some(payload), kind);
-    let frame: Frame<Command> =
-        decode_one(&framed(&content_bytes(&header(1), kind.number, &payload)));
-    frame.message
+/// A field of a command or of an item in its list, with the command's bytes around it.
+struct Place {
+    kind: &'static Kind,
+    field: Field,
+    number: usize,
+    item: Option<u8>,
+    before: Vec<u8>,
+    after: Vec<u8>,
 }
 
-/// Calls `check` for every field of every command, and of its list items: with the kind, the field's
-/// location and a function that creates the command with a value there.
-fn for_every_field(mut check: impl FnMut(FieldLocation<'_>, &dyn Fn(Value) -> Command)) {
+impl Place {
+    /// Returns the command with a value in this place.
+    fn with(&self, value: &[u8]) -> Command {
+        decoded(self.kind, &[&self.before, value, &self.after].concat()).message
+    }
+
+    /// Checks that the command with a value in this place is refused for `problem` with this field.
+    fn blames(&self, value: &[u8], problem: Problem) {
+        let command = self.with(value);
+        let name = self.field.name;
+        let invalid = command.validate().expect_err(name);
+        let named = invalid.named(command.payload()).field.expect("a field");
+        assert_eq!(named.name, name);
+        assert_eq!(named.range.unit, self.field.range.unit);
+        assert_eq!(usize::from(invalid.field), self.number, "{name}");
+        assert_eq!(invalid.item, self.item, "{name}");
+        assert_eq!(invalid.problem, problem, "{name}");
+    }
+
+    /// Checks that no limit refuses a value in this place; a rule on several fields may.
+    fn allows(&self, value: &[u8]) {
+        if let Err(invalid) = self.with(value).validate() {
+            assert!(
+                matches!(
+                    invalid.problem,
+                    Problem::Inconsistent { .. } | Problem::NotIncreasing { .. }
+                ),
+                "{}: {invalid}",
+                self.field.name
+            );
+        }
+    }
+}
+
+fn decoded<M: Message>(kind: &Kind, payload: &[u8]) -> Frame<M> {
+    decode_one(&frame_of(&header(1), kind.number, payload))
+}
+
+/// Returns every field of every command and, in place of a list, those of its third item.
+fn places() -> Vec<Place> {
+    let mut places = Vec::new();
     for kind in Command::KINDS {
         let Some(structure) = kind.payload else {
             continue;
         };
-        let Value::Fields(whole) = middling(&Type::Structure(structure), (0.0, 0.0)) else {
-            unreachable!();
-        };
-        for (number, field) in structure.fields.iter().enumerate() {
-            let set = |value| {
-                let mut whole = whole.clone();
-                whole[number] = value;
-                decoded(kind, &Value::Fields(whole))
-            };
-            if let Type::List {
-                item: item @ Type::F32,
-                ..
-            } = field.of
-            {
-                let of_item = palpate_wire::schema::Field {
-                    of: *item,
-                    ..*field
-                };
-                let others = f32_value(0.5 * (field.range.low + field.range.high));
-                let set_item =
-                    |value| set(Value::List(vec![others.clone(), others.clone(), value]));
-                check(
-                    FieldLocation {
-                        field: &of_item,
-                        number,
-                        item: Some(2),
-                    },
-                    &set_item,
-                );
+        for mut place in fields_of(kind, structure) {
+            let Type::List { item, .. } = place.field.of else {
+                places.push(place);
                 continue;
-            }
-            check(
-                FieldLocation {
-                    field,
-                    number,
+            };
+            let item = Field {
+                of: *item,
+                ..place.field
+            };
+            place
+                .before
+                .extend([vec![3], middling(&item).repeat(2)].concat());
+            let inner = match item.of {
+                Type::Structure(structure) => fields_of(kind, structure),
+                _ => vec![Place {
+                    kind,
+                    field: item,
+                    number: place.number,
                     item: None,
-                },
-                &set,
-            );
-            let Type::List {
-                item: Type::Structure(item),
-                ..
-            } = field.of
-            else {
-                continue;
+                    before: Vec::new(),
+                    after: Vec::new(),
+                }],
             };
-            for (inner, field) in item.fields.iter().enumerate() {
-                let set_inner = |value| {
-                    let item = middling(&Type::Structure(item), (0.0, 0.0));
-                    let Value::Fields(mut changed) = item.clone() else {
-                        unreachable!();
-                    };
-                    changed[inner] = value;
-                    set(Value::List(vec![
-                        item.clone(),
-                        item,
-                        Value::Fields(changed),
-                    ]))
-                };
-                check(
-                    FieldLocation {
-                        field,
-                        number: inner,
-                        item: Some(2),
-                    },
-                    &set_inner,
-                );
-            }
+            places.extend(inner.into_iter().map(|inner| Place {
+                item: Some(2),
+                before: [&place.before[..], &inner.before].concat(),
+                after: [&inner.after[..], &place.after].concat(),
+                ..inner
+            }));
         }
     }
+    places
 }
 
-struct FieldLocation<'a> {
-    field: &'a palpate_wire::schema::Field,
-    number: usize,
-    item: Option<u8>,
-}
-
-impl FieldLocation<'_> {
-    /// Checks that the command is refused for `problem` with this field.
-    fn assert_blamed(&self, command: &Command, problem: Problem) {
-        let invalid = command.validate().expect_err(self.field.name);
-        let named = invalid.named(command.payload()).field.expect("a field");
-        assert_eq!(named.name, self.field.name);
-        assert_eq!(named.range.unit, self.field.range.unit);
-        assert_eq!(
-            usize::from(invalid.field),
-            self.number,
-            "{}",
-            self.field.name
-        );
-        assert_eq!(invalid.item, self.item, "{}", self.field.name);
-        assert_eq!(invalid.problem, problem, "{}", self.field.name);
-    }
-}
-
-fn f32_value(value: f32) -> Value {
-    Value::F32(value.to_bits())
+fn fields_of(kind: &'static Kind, structure: &Structure) -> Vec<Place> {
+    let place = |(number, field): (usize, &Field)| {
+        let (before, after) = structure.fields.split_at(number);
+        Place {
+            kind,
+            field: *field,
+            number,
+            item: None,
+            before: before.iter().flat_map(middling).collect(),
+            after: after[1..].iter().flat_map(middling).collect(),
+        }
+    };
+    structure.fields.iter().enumerate().map(place).collect()
 }
 
 #[test]
 fn infinities_and_nan_are_refused_in_every_field() {
-    let mut fields = 0;
-    for_every_field(|location, set| match location.field.of {
-        Type::F32 => {
-            fields += 1;
-            for value in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                location.assert_blamed(&set(f32_value(value)), Problem::NotFinite);
-            }
+    let mut checked = 0;
+    for place in places() {
+        let values: Vec<Vec<u8>> = match place.field.of {
+            Type::F32 => [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY]
+                .map(|value| encoded(&value))
+                .into(),
+            Type::F64 => [f64::NAN, f64::INFINITY, f64::NEG_INFINITY]
+                .map(|value| encoded(&value))
+                .into(),
+            _ => continue,
+        };
+        checked += 1;
+        for value in values {
+            place.blames(&value, Problem::NotFinite);
         }
-        Type::F64 => {
-            fields += 1;
-            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                let value = Value::F64(value.to_bits());
-                location.assert_blamed(&set(value), Problem::NotFinite);
-            }
-        }
-        _ => {}
-    });
+    }
     // Number of checked fields: 16 in the settings, 38 in the calibration, 3 of a directly driven
     // current, 1 of the LED.
-    assert_eq!(fields, 58);
+    assert_eq!(checked, 58);
 }
 
 /// The limits themselves are allowed, the next number beyond them is not.
 #[test]
 fn limits_hold_to_the_last_digit() {
-    let allowed = |location: &FieldLocation<'_>, command: Command| match command.validate() {
-        Ok(()) => {}
-        Err(invalid) => assert!(
-            matches!(
-                invalid.problem,
-                Problem::Inconsistent { .. } | Problem::NotIncreasing { .. }
-            ),
-            "{}: {invalid}",
-            location.field.name
-        ),
-    };
-    let mut fields = 0;
-    for_every_field(|location, set| {
-        let range = location.field.range;
-        if !range.low.is_finite() {
-            return;
+    let mut checked = 0;
+    for place in places() {
+        let (low, high) = (place.field.range.low, place.field.range.high);
+        if !low.is_finite() {
+            continue;
         }
-        fields += 1;
-        let (low, high) = (range.low, range.high);
+        checked += 1;
         let refused = |value: f32| Problem::OutOfRange { value, low, high };
-        match location.field.of {
+        match place.field.of {
             Type::F32 => {
-                allowed(&location, set(f32_value(low)));
-                allowed(&location, set(f32_value(high)));
+                [low, high]
+                    .iter()
+                    .for_each(|value| place.allows(&encoded(value)));
                 for value in [low.next_down(), high.next_up()] {
-                    location.assert_blamed(&set(f32_value(value)), refused(value));
+                    place.blames(&encoded(&value), refused(value));
                 }
             }
             Type::F64 => {
                 let (low, high) = (f64::from(low), f64::from(high));
-                allowed(&location, set(Value::F64(low.to_bits())));
-                allowed(&location, set(Value::F64(high.to_bits())));
+                [low, high]
+                    .iter()
+                    .for_each(|value| place.allows(&encoded(value)));
                 for value in [low.next_down(), high.next_up()] {
-                    let command = set(Value::F64(value.to_bits()));
-                    location.assert_blamed(&command, refused(value as f32));
+                    place.blames(&encoded(&value), refused(value as f32));
                 }
             }
             Type::U8 | Type::U16 | Type::U32 => {
-                allowed(&location, set(Value::Unsigned(low as u64)));
-                allowed(&location, set(Value::Unsigned(high as u64)));
-                let above = high as u64 + 1;
-                location.assert_blamed(&set(Value::Unsigned(above)), refused(above as f32));
+                let integer = |value: f32| match place.field.of {
+                    Type::U8 => vec![value as u8],
+                    _ => encoded(&(value as u32)),
+                };
+                [low, high]
+                    .iter()
+                    .for_each(|value| place.allows(&integer(*value)));
+                place.blames(&integer(high + 1.0), refused(high + 1.0));
                 if low > 0.0 {
-                    let below = low as u64 - 1;
-                    let command = set(Value::Unsigned(below));
-                    location.assert_blamed(&command, refused(below as f32));
+                    place.blames(&integer(low - 1.0), refused(low - 1.0));
                 }
             }
-            ref of => panic!("{}: no check of {of:?} is written", location.field.name),
+            ref of => panic!("{}: no check of {of:?} is written", place.field.name),
         }
-    });
+    }
     // Number of checked fields: the 58 of the test above, and 16 integers.
-    assert_eq!(fields, 74);
+    assert_eq!(checked, 74);
 }
 
 #[test]
 fn unknown_numbers_are_refused() {
-    let mut fields = 0;
-    for_every_field(|location, set| {
-        if let Type::Code(_) = location.field.of {
-            fields += 1;
-            let number = 0xEE;
-            let command = set(Value::Unsigned(number.into()));
-            location.assert_blamed(&command, Problem::UnknownCode { number });
-        }
-    });
-    assert_eq!(fields, 5);
+    let mut places = places();
+    places.retain(|place| matches!(place.field.of, Type::Code(_)));
+    for place in &places {
+        place.blames(&[0xEE], Problem::UnknownCode { number: 0xEE });
+    }
+    assert_eq!(places.len(), 5);
 }
 
 fn invalid(change: impl FnOnce(&mut Settings)) -> Invalid {
-    let mut settings = specimens::settings();
+    let mut settings: Settings = typical("settings");
     change(&mut settings);
     settings.validate().unwrap_err()
 }
@@ -269,7 +245,7 @@ fn settings_that_contradict_each_other_are_refused() {
         named::<Settings>(blamed),
         "release_m: may not be above least_press_m"
     );
-    let mut settings = specimens::settings();
+    let mut settings: Settings = typical("settings");
     settings.release_m = settings.least_press_m;
     assert_eq!(settings.validate(), Ok(()));
 }
@@ -277,7 +253,7 @@ fn settings_that_contradict_each_other_are_refused() {
 #[test]
 fn channels_with_a_hole_between_them_are_refused_with_those_that_are_possible() {
     for channels in 1..=15 {
-        let mut settings = specimens::settings();
+        let mut settings: Settings = typical("settings");
         settings.channels = channels;
         let is_possible = [1, 2, 4, 8, 3, 7, 15].contains(&channels);
         assert_eq!(
@@ -287,7 +263,7 @@ fn channels_with_a_hole_between_them_are_refused_with_those_that_are_possible() 
         );
         assert_eq!(settings.validate(), Ok(()), "a stored one stays readable");
     }
-    let mut settings = specimens::settings();
+    let mut settings: Settings = typical("settings");
     settings.channels = 0b0101;
     let blamed = settings.check_channels().unwrap_err();
     assert_eq!(blamed.field, 0);
@@ -300,9 +276,8 @@ fn channels_with_a_hole_between_them_are_refused_with_those_that_are_possible() 
 
 #[test]
 fn chunks_that_are_no_part_of_a_curve_are_refused() {
-    let curve = specimens::deformation_curve;
     let blamed = |change: fn(&mut DeformationCurve)| {
-        let mut curve = curve();
+        let mut curve = typical("deformation_curve");
         change(&mut curve);
         curve.validate().map_err(named::<DeformationCurve>)
     };
@@ -312,49 +287,64 @@ fn chunks_that_are_no_part_of_a_curve_are_refused() {
         blamed(|curve| curve.knots.clear()),
         error("knots: a chunk has at least one knot")
     );
-    assert_eq!(
-        blamed(|curve| curve.first = 1),
-        error("first: the knots go beyond total")
-    );
-    assert_eq!(
-        blamed(|curve| curve.total = 2),
-        error("first: the knots go beyond total")
-    );
+    let beyond = error("first: the knots go beyond total");
+    assert_eq!(blamed(|curve| curve.first = 1), beyond);
+    assert_eq!(blamed(|curve| curve.total = 2), beyond);
     assert_eq!(blamed(|curve| (curve.total, curve.first) = (4, 1)), Ok(()));
     assert_eq!(
         blamed(|curve| curve.knots[2].inductance_change = 0.125),
         error("inductance_change of item 2 is 0.125, not above the 0.125 before it")
     );
-    let mut curve = specimens::stiffening_curve();
-    assert_eq!(curve.validate(), Ok(()));
-    curve.knots[1].current_a = 8.5;
-    let invalid = curve.validate().unwrap_err();
-    assert_eq!((invalid.field, invalid.item), (0, Some(1)));
-    assert_eq!(
-        named::<StiffeningCurve>(invalid),
-        "current_a of item 1 is 8.5 A, not above the 9 A before it"
-    );
 }
 
 #[test]
-fn a_stiffening_curve_begins_at_its_origin() {
-    let curve = |current_a, rise| {
-        let mut curve: StiffeningCurve = specimens::stiffening_curve();
+fn a_stiffening_curve_begins_at_its_origin_and_rises() {
+    let blamed = |change: fn(&mut StiffeningCurve)| {
+        let mut curve = typical("stiffening_curve");
+        change(&mut curve);
+        curve.validate().map_err(named::<StiffeningCurve>)
+    };
+    let error = |text: &str| Err(text.to_owned());
+    assert_eq!(blamed(|_| {}), Ok(()));
+    assert_eq!(
+        blamed(|curve| curve.knots.clear()),
+        error("knots: a chunk has at least one knot")
+    );
+    assert_eq!(
+        blamed(|curve| curve.first = 9),
+        error("first: the knots go beyond total")
+    );
+    assert_eq!(
+        blamed(|curve| curve.knots[1].current_a = 8.5),
+        error("current_a of item 1 is 8.5 A, not above the 9 A before it")
+    );
+    let begun = |current_a, rise| {
+        let mut curve: StiffeningCurve = typical("stiffening_curve");
         (curve.first, curve.knots[0].current_a, curve.knots[0].rise) = (0, current_a, rise);
         curve.validate().map_err(named::<StiffeningCurve>)
     };
-    assert_eq!(curve(0.0, 0.0), Ok(()));
-    let error = Err("knots: the curve has to begin at 0, 0".to_owned());
-    assert_eq!(curve(0.1, 0.0), error);
-    assert_eq!(curve(0.0, 0.1), error);
-    let mut empty = specimens::stiffening_curve();
-    empty.knots.clear();
-    let refused = empty.validate().map_err(named::<StiffeningCurve>);
-    assert_eq!(refused, Err("knots: a chunk has at least one knot".into()));
-    let mut far = specimens::stiffening_curve();
-    far.first = 9;
-    let refused = far.validate().map_err(named::<StiffeningCurve>);
-    assert_eq!(refused, Err("first: the knots go beyond total".into()));
+    assert_eq!(begun(0.0, 0.0), Ok(()));
+    let origin = error("knots: the curve has to begin at 0, 0");
+    assert_eq!(begun(0.1, 0.0), origin);
+    assert_eq!(begun(0.0, 0.1), origin);
+}
+
+#[test]
+fn a_correction_of_the_current_has_two_points_and_stays_small() {
+    let blamed = |changes_a: &[f32]| {
+        let correction = CurrentCorrection {
+            greatest_a: 10.0,
+            changes_a: changes_a.iter().copied().collect(),
+        };
+        correction.validate().map_err(named::<CurrentCorrection>)
+    };
+    let error = |text: &str| Err(format!("changes_a: {text}"));
+    assert_eq!(blamed(&[0.1]), error("there are two points at least"));
+    assert_eq!(blamed(&[1.39, 0.39, -1.39]), Ok(()));
+    let too_much = error("a change is above 0.4 A and a tenth of its current");
+    for changes_a in [[1.41, 0.0, 0.0], [0.0, -0.41, 0.0], [0.0, 0.0, 1.41]] {
+        assert_eq!(blamed(&changes_a), too_much);
+    }
 }
 
 #[test]
@@ -365,13 +355,8 @@ fn a_refusal_names_field_value_and_limits() {
         "peak_current_a is 25 A; allowed are 0.05 to 20 A"
     );
     let answer = Acknowledgement::invalid(&header(12), 0x90, &refused);
-    assert_eq!(
-        Some(palpate_wire::Record::Acknowledgement(answer.clone())),
-        specimens::records()
-            .into_iter()
-            .find(|record| record.kind() == 0x0B)
-    );
-    let name = kind_of(&Command::SetSettings(specimens::settings()))
+    assert_eq!(answer, typical("acknowledgement"));
+    let name = kind_of(&Command::SetSettings(typical::<Settings>("settings")))
         .payload
         .and_then(|settings| settings.fields.get(usize::from(answer.field?)))
         .map(|field| field.name);
@@ -397,34 +382,25 @@ fn a_refusal_names_field_value_and_limits() {
 
 #[test]
 fn every_problem_has_an_outcome() {
-    let outcome = |invalid: &Invalid| Acknowledgement::invalid(&header(1), 0x90, invalid).outcome;
-    let numbers = |invalid: &Invalid| {
-        let answer = Acknowledgement::invalid(&header(1), 0x90, invalid);
-        (answer.value, answer.low, answer.high)
+    let answer = |invalid: Invalid| {
+        let answer = Acknowledgement::invalid(&header(1), 0x90, &invalid);
+        let place = (answer.field, answer.item);
+        assert_eq!(place, (Some(invalid.field), invalid.item));
+        (answer.outcome, answer.value, answer.low, answer.high)
     };
     let refused = invalid(|settings| settings.rise_s = f32::INFINITY);
-    assert_eq!(
-        (outcome(&refused), numbers(&refused)),
-        (Outcome::NotFinite, (None, None, None))
-    );
+    assert_eq!(answer(refused), (Outcome::NotFinite, None, None, None));
     let refused = invalid(|settings| settings.end_current_a = 11.0);
-    assert_eq!(
-        (outcome(&refused), numbers(&refused)),
-        (Outcome::Inconsistent, (None, None, None))
-    );
+    assert_eq!(answer(refused), (Outcome::Inconsistent, None, None, None));
     let code = FaultCode::Unknown(99);
     let refused = ClearFault { code }.validate().unwrap_err();
-    assert_eq!(
-        (outcome(&refused), numbers(&refused)),
-        (Outcome::UnknownCode, (Some(99.0), None, None))
-    );
-    let mut curve = specimens::deformation_curve();
+    let unknown = (Outcome::UnknownCode, Some(99.0), None, None);
+    assert_eq!(answer(refused), unknown);
+    let mut curve: DeformationCurve = typical("deformation_curve");
     curve.knots[1].inductance_change = -0.5;
     let refused = curve.validate().unwrap_err();
-    assert_eq!(
-        (outcome(&refused), numbers(&refused)),
-        (Outcome::NotIncreasing, (Some(-0.5), Some(0.0), None))
-    );
+    let falling = (Outcome::NotIncreasing, Some(-0.5), Some(0.0), None);
+    assert_eq!(answer(refused), falling);
     let answer = Acknowledgement::accepted(&header(3), &Command::Arm);
     assert_eq!(
         (answer.command, answer.kind, answer.outcome),
@@ -439,13 +415,8 @@ fn records_can_be_checked_too() {
     // limits, those of a temperature and of standard errors.
     const WITHIN: [&str; 2] = ["calibration_identity", "uncertainty_budget"];
     let limited = |kind: &&Kind| !WITHIN.contains(&kind.name);
-    for kind in palpate_wire::Record::KINDS.iter().filter(limited) {
-        let value = kind
-            .payload
-            .map(|of| reference::largest(&Type::Structure(of)));
-        let payload = payload_bytes(value.as_ref(), kind);
-        let frame: Frame<palpate_wire::Record> =
-            decode_one(&framed(&content_bytes(&header(1), kind.number, &payload)));
+    for kind in Record::KINDS.iter().filter(limited) {
+        let frame: Frame<Record> = decoded(kind, &payload_of(kind, largest));
         assert!(frame.message.validate().is_err(), "{}", kind.name);
     }
 }
@@ -454,7 +425,8 @@ fn records_can_be_checked_too() {
 #[test]
 fn a_field_after_a_list_lies_in_no_item() {
     let invalid = |change: fn(&mut Sample)| {
-        let mut sample = specimens::sample(2);
+        let mut sample: Sample = typical("sample");
+        sample.channels = [0, 1].iter().map(|_| sample.channels[0].clone()).collect();
         change(&mut sample);
         let invalid = sample.validate().unwrap_err();
         (invalid.field, invalid.item)

@@ -3,14 +3,15 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use palpate_wire::record::{Conversion, Raw, Sample};
 use palpate_wire::schema::{CodeTable, Described, Field, Kind, Range, Structure, Type};
 use palpate_wire::{
     Command, Frame, Header, MAX_HEADER, MINOR_VERSION, Message, Record, SCHEMA_HASH, VERSION,
     frame_size,
 };
 
-use super::reference::{self, Value};
-use super::{bytes_of, fixture, header as header_of, specimens};
+use super::fixture::{self, typical};
+use super::{bytes_of, header as header_of, unstuffed};
 
 /// Returns the path of the document.
 pub(crate) fn path() -> PathBuf {
@@ -94,27 +95,35 @@ fn rates() -> String {
         let rate = bytes as f64 * per_second / 1e3;
         let _ = writeln!(text, "| {what} | {bytes} | {per_second:.0} | {rate:.0} |");
     };
-    row(
-        "`sample`, one channel",
-        Record::Sample(specimens::sample(1)),
-        1_000.0,
-    );
-    row(
-        "`sample`, four channels",
-        Record::Sample(specimens::sample(4)),
-        1_000.0,
-    );
-    row(
-        "`raw`, one channel",
-        Record::Raw(specimens::full_raw(1)),
-        4_040.0 / 32.0,
-    );
-    row(
-        "`raw`, four channels",
-        Record::Raw(specimens::full_raw(4)),
-        1_050.0 / 8.0,
-    );
+    row("`sample`, one channel", sample(1), 1_000.0);
+    row("`sample`, four channels", sample(4), 1_000.0);
+    row("`raw`, one channel", raw(1), 4_040.0 / 32.0);
+    row("`raw`, four channels", raw(4), 1_050.0 / 8.0);
     text
+}
+
+/// Returns a sample of up to four channels.
+fn sample(channels: u8) -> Record {
+    let sample: Sample = typical("sample");
+    let conversion = |channel| Conversion {
+        channel,
+        offset_us: u16::from(channel) * 240,
+        ..sample.channels[0].clone()
+    };
+    Record::Sample(Sample {
+        channels: (0..channels).map(conversion).collect(),
+        ..sample
+    })
+}
+
+/// Returns a full record of up to four channels.
+fn raw(channels: u8) -> Record {
+    Record::Raw(Raw {
+        missed: 0,
+        channels: (1 << channels) - 1,
+        words: (0x0440_9E8B..).take(32).collect(),
+        ..typical("raw")
+    })
 }
 
 fn kinds(kinds: &[Kind], what: &str) -> String {
@@ -267,90 +276,58 @@ fn prose(doc: &str) -> String {
 
 /// The first `state` record of the fixture, byte by byte.
 fn example() -> String {
-    let (offset, frame) = first_state();
-    let coded = bytes_of(&frame);
+    let frames = fixture::records();
+    let is_state = |frame: &Frame<Record>| matches!(frame.message, Record::State(_));
+    let place = frames.iter().position(is_state);
+    let (before, rest) = frames.split_at(place.expect("the fixture contains a state"));
+    let offset: usize = before.iter().map(|frame| bytes_of(frame).len()).sum();
+    let coded = bytes_of(&rest[0]);
     let mut text = format!(
         "The {} bytes at offset {offset} of `v{VERSION}-records.bin`:\n\n```text\n{}\n```\n\n\
          Without COBS:\n\n| bytes | field | value |\n|---|---|---|\n",
         coded.len(),
         hex(&coded),
     );
-    for (bytes, field, value) in fields(&frame) {
-        let _ = writeln!(text, "| `{}` | {field} | {value} |", hex(&bytes));
+    let body = unstuffed(&coded);
+    let mut body = &body[..];
+    for (field, value) in example_fields(&rest[0]) {
+        // Each field is a varint or a byte below 128.
+        let length = 1 + body.iter().take_while(|byte| **byte >= 0x80).count();
+        let (bytes, others) = body.split_at(length);
+        let _ = writeln!(text, "| `{}` | `{field}` | {value} |", hex(bytes));
+        body = others;
     }
+    let checksum = u32::from_le_bytes(body.try_into().expect("the CRC-32 is left"));
+    let _ = writeln!(text, "| `{}` | CRC-32 | 0x{checksum:08x} |", hex(body));
     text
 }
 
-/// Returns the position of the example in the fixture, and its frame.
-pub(crate) fn first_state() -> (usize, Frame<Record>) {
-    let mut offset = 0;
-    for frame in fixture::records() {
-        if matches!(frame.message, Record::State(_)) {
-            return (offset, frame);
-        }
-        offset += bytes_of(&frame).len();
-    }
-    panic!("the fixture contains a state");
-}
-
-fn fields(frame: &Frame<Record>) -> Vec<(Vec<u8>, String, String)> {
-    let Record::State(state) = &frame.message else {
+fn example_fields(frame: &Frame<Record>) -> [(&'static str, String); 11] {
+    let Frame { header, message } = frame;
+    let Record::State(state) = message else {
         panic!("the example is a state");
     };
-    let header = &frame.header;
-    let varint = |value: u64, of: Type| {
-        let mut bytes = Vec::new();
-        reference::write(&Value::Unsigned(value), &mut bytes, &of);
-        bytes
-    };
-    let row = |bytes: Vec<u8>, field: &str, value: String| (bytes, format!("`{field}`"), value);
-    let byte =
-        |field: &str, number: u8, name: &str| row(vec![number], field, format!("{number}: {name}"));
-    let mut rows = vec![
-        byte("version", VERSION, "major version"),
-        byte("kind", frame.message.kind(), frame.message.name()),
-        row(
-            varint(header.boot_id.into(), Type::U32),
-            "boot_id",
-            format!("0x{:08x}", header.boot_id),
+    let named = |number: u8, name: &str| format!("{number}: {name}");
+    [
+        ("version", named(VERSION, "major version")),
+        ("kind", named(message.kind(), message.name())),
+        ("boot_id", format!("0x{:08x}", header.boot_id)),
+        ("sequence", header.sequence.to_string()),
+        ("time_us", format!("{} us", header.time_us)),
+        ("dropped", header.dropped.to_string()),
+        ("state", named(state.state.number(), state.state.name())),
+        (
+            "previous",
+            named(state.previous.number(), state.previous.name()),
         ),
-        row(
-            varint(header.sequence.into(), Type::U32),
-            "sequence",
-            header.sequence.to_string(),
-        ),
-        row(
-            varint(header.time_us, Type::U64),
-            "time_us",
-            format!("{} us", header.time_us),
-        ),
-        row(
-            varint(header.dropped.into(), Type::U32),
-            "dropped",
-            header.dropped.to_string(),
-        ),
-        byte("state", state.state.number(), state.state.name()),
-        byte("previous", state.previous.number(), state.previous.name()),
-        byte("mode", state.mode.number(), state.mode.name()),
-        byte("armed", u8::from(state.armed), "yes"),
-        row(
-            varint(state.measurement.into(), Type::U32),
-            "measurement",
-            state.measurement.to_string(),
-        ),
-    ];
-    let content: Vec<u8> = rows.iter().flat_map(|(bytes, ..)| bytes.clone()).collect();
-    let checksum = reference::crc32c(&content);
-    rows.push((
-        checksum.to_le_bytes().to_vec(),
-        "CRC-32".into(),
-        format!("0x{checksum:08x}"),
-    ));
-    rows
+        ("mode", named(state.mode.number(), state.mode.name())),
+        ("armed", named(u8::from(state.armed), "yes")),
+        ("measurement", state.measurement.to_string()),
+    ]
 }
 
 /// Returns bytes as the document shows them.
-pub(crate) fn hex(bytes: &[u8]) -> String {
+fn hex(bytes: &[u8]) -> String {
     let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     bytes.join(" ")
 }

@@ -1,18 +1,32 @@
 //! The committed fixture: frames with their decoded content.
 
+use std::fs;
 use std::path::PathBuf;
 
 use palpate_wire::loss::{Account, Arrival, Tally};
 use palpate_wire::schema::{Kind, Type};
-use palpate_wire::{Command, Counts, Frame, Header, Message, Record, RecordDecoder, VERSION};
+use palpate_wire::{
+    Command, Counts, Frame, Header, Message, Record, RecordDecoder, SCHEMA_HASH, VERSION,
+};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::reference::{self, Value};
-use super::{bytes_of, header, specimens};
+use super::payloads::{largest, payload_of, smallest};
+use super::{bytes_of, content, decode_one, frame_of, framed, header, sound};
 
-/// Returns the folder of the fixture.
-pub(crate) fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixture")
+/// Boot id of the typical messages in a listing; the smallest and the largest have other ones.
+pub(crate) const BOOT_ID: u32 = 0x1234_5678;
+
+/// Returns the path of a file of the fixture.
+pub(crate) fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("fixture")
+        .join(name)
+}
+
+/// Returns a committed file.
+pub(crate) fn committed(name: &str) -> Vec<u8> {
+    fs::read(path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// Returns the expected files, by name.
@@ -30,80 +44,94 @@ pub(crate) fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Returns typical records, then the smallest and the largest of every kind.
+/// Returns the typical records, then the smallest and the largest of every kind.
 pub(crate) fn records() -> Vec<Frame<Record>> {
-    numbered(specimens::records())
-}
-
-/// Returns typical commands, then the smallest and the largest of every kind.
-pub(crate) fn commands() -> Vec<Frame<Command>> {
-    numbered(specimens::commands())
-}
-
-/// Returns the smallest or the largest value of a type.
-type Extreme = fn(&Type) -> Value;
-
-fn numbered<M: Message>(typical: Vec<M>) -> Vec<Frame<M>> {
-    let mut frames: Vec<_> = (0..)
-        .zip(typical)
-        .map(|(sequence, message)| Frame {
-            header: header(sequence),
-            message,
-        })
-        .collect();
-    let extremes: [(Extreme, Header); 2] = [
-        (
-            reference::smallest,
-            Header {
-                boot_id: 0,
-                sequence: 0,
-                time_us: 0,
-                dropped: 0,
-            },
-        ),
-        (
-            reference::largest,
-            Header {
-                boot_id: u32::MAX,
-                sequence: u32::MAX,
-                time_us: u64::MAX,
-                dropped: u32::MAX,
-            },
-        ),
-    ];
-    for (value, header) in extremes {
-        for kind in M::KINDS {
-            let payload = kind.payload.map(|of| value(&Type::Structure(of)));
-            let payload = reference::payload_bytes(payload.as_ref(), kind);
-            frames.push(decode_one(&reference::framed(&reference::content_bytes(
-                &header,
-                kind.number,
-                &payload,
-            ))));
+    let mut records = typical_messages("records");
+    for record in &mut records {
+        if let Record::Hello(hello) = record {
+            hello.schema_hash = SCHEMA_HASH;
         }
     }
-    frames
+    numbered(records)
 }
 
-/// Decodes exactly one frame.
-pub(crate) fn decode_one<M: Message>(bytes: &[u8]) -> Frame<M> {
-    let mut decoder = palpate_wire::Decoder::<M, 256>::new();
-    let mut frames: Vec<_> = decoder.frames(bytes).collect();
-    assert_eq!(frames.len(), 1, "one frame in {bytes:02x?}");
-    frames.remove(0).expect("the frame is sound")
+/// Returns the typical commands, then the smallest and the largest of every kind.
+pub(crate) fn commands() -> Vec<Frame<Command>> {
+    numbered(typical_messages("commands"))
+}
+
+/// Returns the payload of the typical record of a kind.
+pub(crate) fn typical<T: DeserializeOwned>(kind: &str) -> T {
+    let mut records = records().into_iter().map(|frame| frame.message);
+    let record = records.find(|record| record.name() == kind);
+    let mut record = serde_json::to_value(record).expect("a record can be written");
+    serde_json::from_value(record[kind].take()).expect("the type is that of the kind")
+}
+
+/// Reads the typical messages from their committed listing. They are written by hand; all other files
+/// and lines are made from them and from the schema.
+fn typical_messages<M: DeserializeOwned>(what: &str) -> Vec<M> {
+    #[derive(Deserialize)]
+    struct Numbered {
+        header: Header,
+    }
+    #[derive(Deserialize)]
+    struct Line<M> {
+        message: M,
+    }
+    let listing = committed(&format!("v{VERSION}-{what}.jsonl"));
+    let listing = String::from_utf8(listing).expect("a listing is text");
+    let is_typical = |line: &&str| {
+        let line: Numbered = serde_json::from_str(line).expect("a line has a header");
+        line.header.boot_id == BOOT_ID
+    };
+    let message = |line: &str| match serde_json::from_str::<Line<M>>(line) {
+        Ok(line) => line.message,
+        Err(error) => panic!("{line}: {error}"),
+    };
+    listing.lines().filter(is_typical).map(message).collect()
+}
+
+/// The shortest header.
+const LEAST: Header = Header {
+    boot_id: 0,
+    sequence: 0,
+    time_us: 0,
+    dropped: 0,
+};
+
+/// The longest header.
+pub(crate) const GREATEST: Header = Header {
+    boot_id: u32::MAX,
+    sequence: u32::MAX,
+    time_us: u64::MAX,
+    dropped: u32::MAX,
+};
+
+fn numbered<M: Message>(typical: Vec<M>) -> Vec<Frame<M>> {
+    let typical = (0..).zip(typical).map(|(sequence, message)| Frame {
+        header: header(sequence),
+        message,
+    });
+    let extremes = |header: Header, value: fn(&Type) -> Vec<u8>| {
+        let frame = move |kind: &Kind| frame_of(&header, kind.number, &payload_of(kind, value));
+        M::KINDS.iter().map(move |kind| decode_one(&frame(kind)))
+    };
+    typical
+        .chain(extremes(LEAST, smallest))
+        .chain(extremes(GREATEST, largest))
+        .collect()
 }
 
 /// A line of a listing: position and content of a frame.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct FixtureLine<M> {
+#[derive(Serialize)]
+struct FixtureLine<'a, M> {
     /// Offset of the frame's first byte from the start of the file.
-    pub(crate) offset: usize,
+    offset: usize,
     /// Number of the frame's bytes, including the zero.
-    pub(crate) length: usize,
-    /// Header of the frame.
-    pub(crate) header: Header,
-    /// Message of the frame.
-    pub(crate) message: M,
+    length: usize,
+    header: Header,
+    message: &'a M,
 }
 
 fn listing<M: Message + Serialize>(frames: &[Frame<M>]) -> (Vec<u8>, Vec<String>) {
@@ -128,78 +156,65 @@ fn json(line: &impl Serialize) -> String {
 
 /// Returns a damaged stream.
 fn damaged() -> Vec<u8> {
-    let record = |header: Header| {
-        let message = specimens::records().swap_remove(7);
-        bytes_of(&Frame { header, message })
-    };
-    let sound = |sequence| record(header(sequence));
+    let typical = |sequence| sound(header(sequence));
     let foreign = |version: u8, kind: u8, tail: &[u8], sequence| {
-        let smallest = Type::Structure(payload_of(0x05));
-        let mut payload = Vec::new();
-        reference::write(&reference::smallest(&smallest), &mut payload, &smallest);
-        payload.extend(tail);
-        let mut content = reference::content_bytes(&header(sequence), kind, &payload);
+        let payload = [&[0; 5], tail].concat();
+        let mut content = content(&header(sequence), kind, &payload);
         content[0] = version;
-        reference::framed(&content)
+        framed(&content)
     };
-    let mut stream = Vec::new();
-    // Reception begins within a frame.
-    stream.extend(&sound(9)[7..]);
-    stream.extend(sound(10));
-    // Zeros between frames have no meaning.
-    stream.extend([0, 0, 0]);
-    stream.extend(sound(11));
-    // One bit of frame 12 is wrong; the zero between frames 13 and 14 is missing; frame 15 is cut short.
-    let mut flipped = sound(12);
+    let dropped = |dropped, sequence| {
+        sound(Header {
+            dropped,
+            ..header(sequence)
+        })
+    };
+    let restarted = |sequence| {
+        sound(Header {
+            boot_id: 0x9ABC_DEF0,
+            ..header(sequence)
+        })
+    };
+    let mut flipped = typical(12);
     flipped[9] ^= 0x10;
-    stream.extend(flipped);
-    stream.extend(&sound(13)[..sound(13).len() - 1]);
-    stream.extend(sound(14));
-    let short = sound(15);
-    stream.extend(&short[..short.len() / 2]);
-    stream.push(0);
-    // Frame 16 comes twice, and frame 13 arrives late.
-    stream.extend(sound(16));
-    stream.extend(sound(16));
-    stream.extend(sound(13));
-    // Frames of a later minor version, of another major version, with a byte too many, and of the other
-    // direction.
-    stream.extend(foreign(VERSION, 0x7F, &[1, 2, 3], 17));
-    stream.extend(foreign(VERSION + 1, 0x05, &[], 18));
-    stream.extend(foreign(VERSION, 0x05, &[0], 19));
-    stream.extend(foreign(VERSION, 0x81, &[], 20));
-    // Bytes longer than the longest frame, and bytes shorter than the shortest.
-    stream.extend([0x55; 600]);
-    stream.push(0);
-    stream.extend([0x01, 0x01, 0x00]);
-    // The device dropped frames 22 and 23, and frame 24 was lost.
-    stream.extend(sound(21));
-    stream.extend(record(Header {
-        dropped: 2,
-        ..header(25)
-    }));
-    // The device restarts; a frame of the previous boot comes late.
-    stream.extend(record(Header {
-        boot_id: 0x9ABC_DEF0,
-        ..header(0)
-    }));
-    stream.extend(record(Header {
-        dropped: 2,
-        ..header(24)
-    }));
-    stream.extend(record(Header {
-        boot_id: 0x9ABC_DEF0,
-        ..header(1)
-    }));
-    stream
-}
-
-fn payload_of(number: u8) -> &'static palpate_wire::schema::Structure {
-    let kind: &Kind = Record::KINDS
-        .iter()
-        .find(|kind| kind.number == number)
-        .expect("the kind is there");
-    kind.payload.expect("it has a payload")
+    let (unended, short) = (typical(13), typical(15));
+    [
+        // Reception begins within a frame.
+        &typical(9)[7..],
+        &typical(10),
+        // Zeros between frames have no meaning.
+        &[0, 0, 0],
+        &typical(11),
+        // One bit of frame 12 is wrong; the zero between frames 13 and 14 is missing; frame 15 is cut
+        // short.
+        &flipped,
+        &unended[..unended.len() - 1],
+        &typical(14),
+        &short[..short.len() / 2],
+        &[0],
+        // Frame 16 comes twice, and frame 13 arrives late.
+        &typical(16),
+        &typical(16),
+        &typical(13),
+        // Frames of a later minor version, of another major version, with a byte too many, and of the
+        // other direction.
+        &foreign(VERSION, 0x7F, &[1, 2, 3], 17),
+        &foreign(VERSION + 1, 0x05, &[], 18),
+        &foreign(VERSION, 0x05, &[0], 19),
+        &foreign(VERSION, 0x81, &[], 20),
+        // Bytes longer than the longest frame, and bytes shorter than the shortest.
+        &[0x55; 600],
+        &[0],
+        &[0x01, 0x01, 0x00],
+        // The device dropped frames 22 and 23, and frame 24 was lost.
+        &typical(21),
+        &dropped(2, 25),
+        // The device restarts; a frame of the previous boot comes late.
+        &restarted(0),
+        &dropped(2, 24),
+        &restarted(1),
+    ]
+    .concat()
 }
 
 /// Result of decoding the bytes up to a zero.
