@@ -58,18 +58,16 @@ impl Record {
         format!("| {name}: {claim} | {figure} | {command} at {commit}, {origin} |")
     }
 
-    /// The result's page.
+    /// The page with the result's details.
     pub(super) fn page(&self) -> String {
         let Self {
             name,
             claim,
-            figure,
             details,
             ..
         } = self;
-        let [command, commit, origin] = self.provenance();
         format!(
-            "# Evidence: {name}\n\n{claim}\n\n{figure}\n\n{command} at {commit}, {origin}. Written by `cargo xtask evidence`, not edited by hand.\n\n{details}\n"
+            "# Evidence: {name}\n\n{claim}\nFigure, command and date: [Evidence](README.md). Written by `cargo xtask evidence`.\n\n{details}\n"
         )
     }
 }
@@ -181,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn row_and_page_state_where_the_result_comes_from() {
+    fn a_row_states_where_the_result_comes_from_and_the_page_refers_to_it() {
         let mut record = Record {
             name: "trial",
             claim: "A trial.",
@@ -199,7 +197,7 @@ mod tests {
                    2026-02-03, rustc 1.95.0, 61 s |";
         assert_eq!(record.row(), row);
         let page = record.page();
-        assert!(page.starts_with("# Evidence: trial\n\nA trial.\n\n3 of |x|.\n\n`cargo run -- --seed 7` at 0123abcd (dirty), 2026-02-03,"));
+        assert!(page.starts_with("# Evidence: trial\n\nA trial.\nFigure, command and date: [Evidence](README.md)."));
         assert!(page.ends_with("\n\ntext\n"));
         // A row replaces the previous row of its campaign, whatever page the previous one named.
         let overview = with_row("# Evidence\n\n| trials: a | b | c |\n", "trial", row);
