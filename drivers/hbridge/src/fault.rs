@@ -90,18 +90,18 @@ impl fmt::Display for Fault {
                 "voltage but no current: check the coil's wires and the current amplifier"
             }
             Self::CurrentUnexplained => "current without voltage: look for a short in the coil",
-            Self::NotFollowing => "the current does not reach its value: check the supply",
+            Self::NotFollowing => "the current does not reach its setpoint: check the supply",
             Self::SupplyLow => "the supply is too low",
             Self::SupplyHigh => "the supply is too high",
-            Self::OnTime => "the coil was on for too long: ask for less",
+            Self::OnTime => "the coil was on for too long: request a shorter current",
             Self::Energy => "too much energy: let the coil cool",
-            Self::Unattended => "no order came in time: the program hangs",
-            Self::Offset => "the current amplifier is off zero: check its supply and reference",
+            Self::Unattended => "no order arrived in time: the program hangs",
+            Self::Offset => "the current amplifier has an offset: check its supply and reference",
             Self::Open => "no current flows: connect the coil",
             Self::Short => "resistance or inductance is too low: look for a short",
-            Self::SenseReversed => "the current amplifier is turned round: swap its inputs",
+            Self::SenseReversed => "the current amplifier is reversed: swap its inputs",
             Self::SenseFrozen => "the current amplifier is frozen: check its supply and output",
-            Self::SamplesLost => "samples of the current were lost: begin the converter anew",
+            Self::SamplesLost => "samples of the current were lost: restart the converter",
             Self::NotACoil => "resistance or inductance is too high: check the coil",
             Self::NoHardwareLimit => "the bridge's own current limit does not act: set it up",
         })
@@ -140,14 +140,16 @@ impl fmt::Display for Refusal {
         match self {
             Self::Hardware(field) => write!(f, "the hardware's {field} is out of range"),
             Self::Limits(field) => write!(f, "the limit {field} is out of range"),
-            Self::Latched(fault) => write!(f, "a fault stands: {fault}"),
+            Self::Latched(fault) => write!(f, "a fault is latched: {fault}"),
             Self::NotTested => f.write_str("run the self-test first"),
             Self::Testing => f.write_str("the self-test runs: wait for it"),
             Self::Current(current_a) => write!(f, "{current_a} A is beyond the limit"),
             Self::Duration(duration_s) => write!(f, "{duration_s} s is beyond the limit"),
-            Self::Energy(energy_j) => write!(f, "{energy_j} J is more than is left: wait"),
+            Self::Energy(energy_j) => write!(f, "{energy_j} J exceeds the remaining energy: wait"),
             Self::Supply(supply_v) => write!(f, "the supply of {supply_v} V is out of its limits"),
-            Self::Correction => f.write_str("these currents are no calibration: measure again"),
+            Self::Correction => {
+                f.write_str("these currents are not a valid calibration: measure again")
+            }
         }
     }
 }

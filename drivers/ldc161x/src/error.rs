@@ -105,7 +105,7 @@ impl<E> Error<E> {
             Self::WrongIdentity {
                 manufacturer: 0x5449,
                 ..
-            } => "a chip of Texas Instruments, but another one",
+            } => "another chip of Texas Instruments",
             Self::WrongIdentity { .. } => {
                 "another device answers at this address, or the wiring is bad"
             }
@@ -113,12 +113,12 @@ impl<E> Error<E> {
                 "the bus is disturbed, or the chip was not asleep; start again"
             }
             Self::RegistersLost { .. } => {
-                "the supply dipped (the start of a coil can do that): recover, discard frames \
-                 since the last confirmed one, and look at the supply"
+                "the supply dipped (the start of a coil can do that): recover, discard frames since \
+                 the last confirmed one, and check the supply"
             }
             Self::NoSuchChannel => "use an LDC1614, or channels 0 and 1 only",
             Self::NotStarted => "call start with a configuration first",
-            Self::FrameLength { .. } => "request the frame anew after a change of settings",
+            Self::FrameLength { .. } => "request the frame again after a change of settings",
             Self::NotRunning => "call wake after sleep, recover after an error",
             Self::NoInterrupt { .. } => {
                 "check the wire of INTB, that the chip is awake, and that its clock runs"

@@ -58,16 +58,16 @@ impl<E: fmt::Debug> fmt::Display for Error<E> {
                 "the range is not two slots of whole sectors within the flash; correct the memory map",
             ),
             Self::NotKept => f.write_str(
-                "the flash does not hold what was written; save again, and replace a worn-out flash",
+                "the flash reads back differently; save again, and replace a worn-out flash",
             ),
             Self::Damaged => f.write_str(
-                "what is stored is not what was saved; set everything anew and save it, or erase",
+                "the stored set is damaged; set everything again and save it, or erase",
             ),
             Self::Newer => f.write_str(
                 "a later firmware stored this in another format; update the firmware, or erase",
             ),
             Self::Full => f.write_str("the items do not fit; leave out what no sensor needs"),
-            Self::Exhausted => f.write_str("all generations are used up; no save is possible"),
+            Self::Exhausted => f.write_str("all generation numbers are used up; no save is possible"),
             Self::NotASetter { kind } => {
                 write!(f, "the command of kind 0x{kind:02x} sets nothing to be stored")
             }

@@ -163,8 +163,8 @@ impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Stuffing => f.write_str("frame ends within a COBS block"),
-            Self::TooLong => f.write_str("frame is longer than any"),
-            Self::TooShort => f.write_str("frame is shorter than any"),
+            Self::TooLong => f.write_str("frame is too long"),
+            Self::TooShort => f.write_str("frame is too short"),
             Self::Checksum => f.write_str("CRC-32 of the frame is wrong"),
             Self::Version { found } => write!(
                 f,

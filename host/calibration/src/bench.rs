@@ -121,7 +121,7 @@ impl fmt::Display for BrokenOff {
                 "the instrument answered {name} with {outcome}: {}",
                 outcome.meaning().trim()
             ),
-            Self::Train(reason) => write!(f, "the train of ramps broke off: {reason}"),
+            Self::Train(reason) => write!(f, "the train of ramps was aborted: {reason}"),
         }
     }
 }
@@ -402,7 +402,7 @@ fn sweep<E: From<BrokenOff>>(
                 Record::State(change) if change.previous == State::Ramps => {
                     let end = instrument.now() + AFTERWARDS;
                     run_until(instrument, end, lines)?;
-                    return ramps_s.ok_or_else(|| broken_off("it was over before it began"));
+                    return ramps_s.ok_or_else(|| broken_off("the train had no ramps"));
                 }
                 Record::Refusal(refusal) => {
                     return Err(broken_off(refusal.reason.meaning().trim()));

@@ -177,7 +177,9 @@ fn block_curve(presses: &[(f64, &Points)]) -> Result<PressCurve, Unusable> {
     let greatest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     let greatest_change = greatest(&mut points().map(|(_, _, (change, _))| *change));
     if greatest_change <= 0.0 {
-        return Err(Unusable::Missing("press with a known place of the stage"));
+        return Err(Unusable::Missing(
+            "press with a known position of the stage",
+        ));
     }
     let mut system = System::new(DEGREE + presses.len());
     for (index, times, (change, stage_m)) in points() {

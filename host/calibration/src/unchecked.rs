@@ -41,9 +41,9 @@ impl fmt::Display for Unchecked {
             Self::Contradiction { deviation } => write!(
                 f,
                 "the spring is read {:.1} standard errors too {}, more than the {MOST_DEVIATION:.0} that a \
-                 calibration may be off. Press the same spring once more; if it stays so, see that it is \
-                 the spring that was named, that nothing else touches the sensor and that no iron is near, \
-                 and calibrate anew",
+                 calibration may be off. Press the same spring again; if the error remains, check that \
+                 it is the spring that was named, that nothing else touches the sensor and that no \
+                 iron is near, and calibrate again",
                 deviation.abs(),
                 if *deviation > 0.0 { "stiff" } else { "soft" }
             ),
@@ -53,24 +53,25 @@ impl fmt::Display for Unchecked {
             ),
             Self::NotATrain => write!(
                 f,
-                "half of the train's falls or more are missing: see that the board sends every sample, and \
-                 that the current reaches its peak (`palpate doctor`)"
+                "half of the train's falls or more are missing: check that the board sends every \
+                 sample, and that the current reaches its peak (`palpate doctor`)"
             ),
             Self::Touched => write!(
                 f,
-                "the reading of the untouched sensor drifts by more than a fifth of what the current adds to it: take \
-                 everything off the sensor, wait until it has recovered from a press, and try again"
+                "the reading of the untouched sensor drifts by more than a fifth of the current's \
+                 effect on it: take everything off the sensor, wait until it has recovered from a \
+                 press, and try again"
             ),
             Self::OtherSession => write!(
                 f,
-                "the session is not the one that the calibration in force was made of: name the file that \
+                "the active calibration was made from another session: name the file that \
                  `palpate calibrate sensor --save-session` wrote then"
             ),
             Self::OtherField { change } => write!(
                 f,
-                "what the coil's current adds to the reading of the untouched sensor has changed by {:+.0} %, \
-                 more than {:.0} %: see that no iron is near and that the current is what the board measures \
-                 (`palpate calibrate current`), and calibrate anew",
+                "the effect of the coil's current on the reading of the untouched sensor has changed \
+                 by {:+.0} %, more than {:.0} %: check that no iron is near and that the board \
+                 measures the current correctly (`palpate calibrate current`), and calibrate again",
                 change * 100.0,
                 MOST_CHANGE * 100.0
             ),

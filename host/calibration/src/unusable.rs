@@ -75,8 +75,9 @@ impl fmt::Display for Signal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "the peak current changes the sensing layer's deformation by {:+.3} % (stiffening adds, the \
-             attraction of the actuated layer's halves takes away), and samples scatter by {:.3} %",
+            "the peak current changes the sensing layer's deformation by {:+.3} % (stiffening \
+             increases it, the attraction of the actuated layer's halves reduces it), and samples \
+             scatter by {:.3} %",
             self.change * 100.0,
             self.scatter * 100.0
         )
@@ -97,28 +98,28 @@ impl fmt::Display for Unusable {
             ),
             Self::BeyondPresses { train, press } => write!(
                 f,
-                "a train led the sensing layer beyond its curve: the inductance rose by {:.1} %, and by \
-                 {:.1} % in the deepest press upon the block. It is pressed flat: press less deep \
-                 (press_depth_of_sensing_layer_m of the stack)",
+                "a train deformed the sensing layer beyond its curve: the inductance rose by {:.1} %, \
+                 and by {:.1} % in the deepest press upon the block. It is pressed flat: press less \
+                 deep (press_depth_of_sensing_layer_m of the stack)",
                 train * 100.0,
                 press * 100.0
             ),
             Self::SameTemperature { difference_k } => write!(
                 f,
-                "the second session was {difference_k:+.1} K from the first, and {:.0} K are the least that \
-                 shows what the temperature does: warm or cool sensor and board further, and wait until \
-                 all of it is at that temperature",
+                "the second session was {difference_k:+.1} K from the first, and the effect of \
+                 temperature needs {:.0} K at least: warm or cool sensor and board further, and wait \
+                 until all of it is at that temperature",
                 LEAST_DIFFERENCE_K
             ),
             Self::OtherSpecimens => write!(
                 f,
-                "the two sessions are not of the same specimens, pressed to the same depths: what the springs \
-                 are off would be taken for the temperature's"
+                "the two sessions are not of the same specimens, pressed to the same depths: errors of \
+                 the springs would count as effects of the temperature"
             ),
             Self::OtherSensor { per_k } => write!(
                 f,
                 "springs or stiffening change by {:+.1} %/K between the two sessions, more than {:.0} %/K: are they \
-                 of the same sensor, and are both temperatures those of all of it?",
+                 of the same sensor, and had all of it both temperatures?",
                 per_k * 100.0,
                 MOST_PER_K * 100.0
             ),
@@ -127,23 +128,24 @@ impl fmt::Display for Unusable {
                 allowed,
             } => write!(
                 f,
-                "a load of c_S would be uncertain by {:.0} %, and the settings allow {:.0} %: either the trains contradict \
-                 each other, or the attraction of the actuated layer's halves takes nearly all that the stiffening gives. \
-                 Fasten specimen and stage and calibrate once more; if it stays so, the layer needs a larger gap or a \
-                 stronger field",
+                "a load of c_S would be uncertain by {:.0} %, and the settings allow {:.0} %: either \
+                 the trains contradict each other, or the attraction of the actuated layer's halves \
+                 cancels nearly all of the stiffening. Fasten specimen and stage and calibrate again; \
+                 if the error remains, the layer needs a larger gap or a stronger field",
                 at_sensing * 100.0,
                 allowed * 100.0
             ),
             Self::StiffensTooLittle(signal) => write!(
                 f,
-                "the actuated layer stiffens too little to be seen: on the block {signal}. It takes a \
-                 stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
+                "the actuated layer stiffens too little to be measured: on the block {signal}. It \
+                 needs a stronger field, a softer elastomer, or a softer actuated layer than the \
+                 sensing one"
             ),
             Self::Contradiction { signal, ratio } => write!(
                 f,
-                "the trains contradict each other: on the block {signal}, so that the stiffening is \
-                 there, but c_S/c_D0 comes out as {ratio:.3}. Are the springs those that are written \
-                 down, do some differ from the sensor's own, and did nothing slip?"
+                "the trains contradict each other: on the block {signal}, so the layer does stiffen, \
+                 but the fit gives c_S/c_D0 = {ratio:.3}. Are the stiffnesses of the springs right, do \
+                 some differ from the sensor's own, and did nothing slip?"
             ),
         }
     }

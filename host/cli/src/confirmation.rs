@@ -13,7 +13,7 @@ pub fn can_be_confirmed(what: &str) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Argument(format!(
-        "standard input is no terminal, so that {what} cannot be confirmed: add --yes"
+        "standard input is not a terminal, so {what} cannot be confirmed: add --yes"
     )))
 }
 

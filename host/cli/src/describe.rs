@@ -101,7 +101,7 @@ fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
         remedy,
     };
     const CHECK: &str =
-        "`palpate check` with a known spring; after that, a calibration with springs known better";
+        "`palpate check` with a known spring; then a calibration with more accurate springs";
     let temperature = match budget.off_calibration_k {
         Some(off_k) => Cause {
             part: budget.temperature,
@@ -110,7 +110,7 @@ fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
         },
         None => cause(
             budget.temperature,
-            "a temperature that is not measured",
+            "the unknown temperature",
             "connect the coil's thermometer",
         ),
     };

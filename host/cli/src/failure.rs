@@ -120,7 +120,7 @@ impl fmt::Display for Failure {
             Self::Document(error) => error.fmt(f),
             Self::Unreadable { file, reason } => write!(
                 f,
-                "{}: {reason}. Name a file that exists and may be read.",
+                "{}: {reason}. Name a file that exists and is readable.",
                 file.display()
             ),
             Self::Unwritable {
@@ -129,7 +129,7 @@ impl fmt::Display for Failure {
                 reason,
             } => write!(
                 f,
-                "{argument} {}: {reason}. Name a file in a folder that exists and may be written.",
+                "{argument} {}: {reason}. Name a file in a folder that exists and is writable.",
                 file.display()
             ),
             Self::Argument(reason) | Self::Refused(reason) | Self::Lost(reason) => {

@@ -26,7 +26,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// What is on the board, and what is requested of it.
+/// Board, and requested rate.
 #[derive(Args)]
 pub struct PlannedBoard {
     /// The chip
@@ -229,7 +229,7 @@ fn explain(request: &Request, plan: &Plan) -> String {
     for (given, advice) in [
         (
             plan.advice.injection_lock,
-            "the sensor may pass 1/3, 1/5 or 1/7 of the clock, where a weakly driven one can lock",
+            "the sensor may pass 1/3, 1/5 or 1/7 of the clock, where weak oscillation can lock to it",
         ),
         (
             plan.advice.low_amplitude,
@@ -237,7 +237,7 @@ fn explain(request: &Request, plan: &Plan) -> String {
         ),
         (
             plan.advice.uncalibrated_clock,
-            "the internal oscillator is anywhere in 35 to 55 MHz: calibrate absolute frequencies",
+            "the internal oscillator may have 35 to 55 MHz: calibrate absolute frequencies",
         ),
     ] {
         if given {

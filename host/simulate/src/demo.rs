@@ -17,7 +17,7 @@ use crate::press::{CLEARANCE_M, Press};
 use crate::report;
 use crate::results::{self, Measured};
 
-/// Press a row of springs upon a simulated sensor, and show its estimates
+/// Press a row of springs on a simulated sensor, and show its estimates
 ///
 /// The sensor is drawn from a stack and calibrated on its own simulated bench at two temperatures, with all
 /// that disturbs both. Driver, procedure and estimator are the firmware's own.

@@ -7,7 +7,7 @@ use palpate_cli::failure;
 use palpate_simulate::engine::NativeOnly;
 use palpate_simulate::{campaign, demo, scenario};
 
-/// Simulated tactile sensors: pressed, measured with, and judged against the truth
+/// Simulated tactile sensors, with measurements compared with the truth
 #[derive(Parser)]
 #[command(version, max_term_width = 96)]
 struct Cli {

@@ -50,7 +50,7 @@ impl Interrupt {
     /// If the end was requested.
     pub(crate) fn go_on(&self) -> Result<(), Failure> {
         if self.is_asked() {
-            return Err(Failure::Refused("broken off by Ctrl-C".to_owned()));
+            return Err(Failure::Refused("interrupted by Ctrl-C".to_owned()));
         }
         Ok(())
     }

@@ -52,14 +52,14 @@ impl Pause {
     /// Meaning of the reason, as the end of a sentence.
     pub const fn meaning(self) -> &'static str {
         match self {
-            Self::BegunBefore => "before the board began to learn the untouched sensor anew",
-            Self::Missing => "after records that are missing",
+            Self::BegunBefore => "before the board measured the untouched sensor again",
+            Self::Missing => "after missing records",
             Self::Configuration => "with settings or a calibration that are not in the recording",
-            Self::NotEverySample => "where stream or decimation leave samples out",
+            Self::NotEverySample => "where stream or decimation omit samples",
             Self::Fault => "after a fault",
             Self::Driven => "after the coil was driven by a command",
-            Self::Heat => "after the coil's heat or energy forbade a measurement",
-            Self::OutOfStep => "where the replay went another way than the board",
+            Self::Heat => "after a refusal for the coil's heat or energy",
+            Self::OutOfStep => "where replay and board diverged",
         }
     }
 }

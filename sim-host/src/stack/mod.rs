@@ -113,7 +113,7 @@ const ATTRACTION: Key = Key::new(
 const CROSSTALK: Key = Key::new(
     "crosstalk_at_peak_m",
     Allowed::new(0.0, 1e-4, "m"),
-    "deformation that the coil's field feigns in the sensing layer at the peak current",
+    "apparent deformation of the sensing layer by the coil's field at the peak current",
 );
 const PEAK_CURRENT: Key = Key::new(
     "peak_current_A",
@@ -133,7 +133,7 @@ const COIL_INDUCTANCE: Key = Key::new(
 const PRESS_DEPTH: Key = Key::new(
     "press_depth_of_sensing_layer_m",
     Allowed::new(1e-6, 0.8e-3, "m"),
-    "how far the sensing layer is meant to be pressed",
+    "working depth of the sensing layer",
 );
 
 impl Stack {
@@ -264,7 +264,8 @@ impl Stack {
 
 /// Heading of a stack file.
 const HEADING: &str = "\
-# A kind of sensor. A number is the same for all sensors of the kind, a range is what single ones are drawn from:
+# A kind of sensor. A number is the same for all sensors of the kind, single sensors are drawn from a \
+range:
 # { nominal, spread } evenly within nominal * (1 +- spread), { min, max } evenly, { log_min, log_max } evenly in the
 # logarithm.
 ";

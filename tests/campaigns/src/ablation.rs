@@ -307,7 +307,7 @@ fn table(rows: &[Row], loads: usize) -> Table {
         "estimated",
         "refused",
         "hold",
-        "falsely sure",
+        "narrow and wrong",
         &errors,
     ]);
     for of_variant in rows.chunks(loads) {

@@ -501,7 +501,7 @@ impl SeriesResult {
             "hold",
             "RMS error, ln",
             "median half width",
-            "falsely sure",
+            "narrow and wrong",
         ]);
         for (name, counted) in [
             ("first", &self.first),

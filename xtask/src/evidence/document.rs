@@ -197,7 +197,9 @@ mod tests {
                    2026-02-03, rustc 1.95.0, 61 s |";
         assert_eq!(record.row(), row);
         let page = record.page();
-        assert!(page.starts_with("# Evidence: trial\n\nA trial.\nFigure, command and date: [Evidence](README.md)."));
+        assert!(page.starts_with(
+            "# Evidence: trial\n\nA trial.\nFigure, command and date: [Evidence](README.md)."
+        ));
         assert!(page.ends_with("\n\ntext\n"));
         // A row replaces the previous row of its campaign, whatever page the previous one named.
         let overview = with_row("# Evidence\n\n| trials: a | b | c |\n", "trial", row);

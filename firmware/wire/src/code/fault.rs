@@ -1,8 +1,8 @@
 //! What stops the instrument.
 
 codes! {
-    /// What stopped the instrument, or a part of it. The record `fault` carries a value and a
-    /// limit, whose meaning stands here.
+    /// Fault of the instrument or of a part of it. The record `fault` carries a value and a limit;
+    /// their meaning follows.
     pub enum FaultCode {
         /// No converter answers at its address. Check supply, wiring and the address pin.
         SensorAbsent = 1 "sensor_absent",
@@ -36,7 +36,7 @@ codes! {
         Bridge = 14 "bridge",
         /// Too much current. Value and limit: current, A. Check the coil for a short.
         OverCurrent = 15 "over_current",
-        /// The coil takes no current. Check the coil's wires and the supply.
+        /// No current flows through the coil. Check the coil's wires and the supply.
         CurrentMissing = 16 "current_missing",
         /// Current flows with the bridge off. Value: current, A. Disconnect the supply; check
         /// bridge and current amplifier.
@@ -52,53 +52,53 @@ codes! {
         SupplyHigh = 21 "supply_high",
         /// Too much energy went into the coil. Value and limit: energy, J.
         TooMuchEnergy = 22 "too_much_energy",
-        /// The device came from a watchdog reset.
+        /// The device restarted after a watchdog reset.
         Watchdog = 23 "watchdog",
-        /// The device came from a panic; the record `crash` gives the location.
+        /// The device restarted after a panic; the record `crash` gives the location.
         Panic = 24 "panic",
-        /// The device came from a hard fault; the record `crash` gives the location.
+        /// The device restarted after a hard fault; the record `crash` gives the location.
         HardFault = 25 "hard_fault",
-        /// Settings or calibration are not what was set: memory was upset. Value: kind of the
-        /// record that holds the part. Set it anew.
+        /// Settings or calibration were corrupted in memory. Value: kind of the record that holds the
+        /// part. Set it again.
         ConfigurationDamaged = 26 "configuration_damaged",
-        /// What is stored is not what was stored: flash memory was upset or is worn. None of it is in
-        /// force. Value: what `state` of the record `storage` says, as its number. Set everything
-        /// anew and `store` it, or `erase`.
+        /// The stored configuration is damaged: flash memory was corrupted or is worn out. None of it
+        /// is active. Value: number of the `state` in the record `storage`. Set everything again and
+        /// `store` it, or `erase`.
         StorageDamaged = 27 "storage_damaged",
         /// A task missed its deadline. Value and limit: time, s.
         Overrun = 28 "overrun",
-        /// A clock does not run or is off. Value and limit: frequency, Hz.
+        /// A clock does not run or has a wrong frequency. Value and limit: frequency, Hz.
         Clock = 29 "clock",
         /// No coil is connected, or a wire is broken. Check the coil's wires.
         CoilOpen = 30 "coil_open",
         /// The coil has too little resistance or inductance. Look for a short.
         CoilShort = 31 "coil_short",
-        /// What is connected to the bridge has too much resistance or inductance. Check the coil.
+        /// The load at the bridge has too much resistance or inductance. Check the coil.
         CoilUnknown = 32 "coil_unknown",
-        /// The current amplifier is off zero, turned round or frozen. Check its supply, reference
+        /// The current amplifier has an offset, is reversed or is frozen. Check its supply, reference
         /// and inputs.
         CurrentSense = 33 "current_sense",
-        /// The bridge's own limit of the current does not act. Set it up.
+        /// The bridge's own current limit does not act. Set it up.
         NoHardwareLimit = 34 "no_hardware_limit",
         /// The current does not reach its setpoint. Check the supply.
         CurrentOffTarget = 35 "current_off_target",
         /// The coil was on for too long. Limit: time, s.
         OnTime = 36 "on_time",
-        /// The PC that commanded a current has gone silent. Value and limit: time, s. Check the
-        /// link; command the current anew.
+        /// The PC that commanded a current stopped sending. Value and limit: time, s. Check the link;
+        /// command the current again.
         HostSilent = 37 "host_silent",
-        /// The device crashed again and again and keeps its outputs off. Value: crashes in a row.
-        /// Read the records `crash`; after ten seconds without one, `reboot`. Nothing of what is stored
-        /// is in force until then: `erase` it if it may be the cause.
+        /// The device crashed several times in a row and keeps its outputs off. Value: number of
+        /// crashes. Read the records `crash`; after ten seconds without one, `reboot`. The stored
+        /// configuration is not active until then: `erase` it if it may be the cause.
         CrashStreak = 38 "crash_streak",
-        /// The device reset itself, and the record that says why cannot be read.
+        /// The device reset itself, and the record of the cause is unreadable.
         CrashUnreadable = 39 "crash_unreadable",
-        /// Flash memory does not take what is written. What was stored before is still stored. Try
-        /// again; if it stays so, the memory is worn out.
+        /// Flash memory does not accept writes. The previous configuration is still stored. Try again;
+        /// if the fault remains, the memory is worn out.
         StorageFailed = 40 "storage_failed",
     }
 
-    /// Where something happened. Number 10 is reserved.
+    /// Location of a fault. Number 10 is reserved.
     pub enum Location {
         /// The processor and its firmware.
         Processor = 1 "processor",

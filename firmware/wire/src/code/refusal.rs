@@ -1,8 +1,8 @@
 //! Why a measurement gives no estimate.
 
 codes! {
-    /// Why a measurement gave no estimate. The record `refusal` carries a value and a limit, whose
-    /// meaning stands here.
+    /// Reason why a measurement gave no estimate. The record `refusal` carries a value and a limit;
+    /// their meaning follows.
     pub enum RefusalReason {
         /// A calibration is missing. Value: kind of the record that would carry it.
         NotCalibrated = 1 "not_calibrated",
@@ -23,18 +23,18 @@ codes! {
         /// Two effects cannot be distinguished: the current did not change, or drift has the shape
         /// of the signal. Value: index of the term.
         IllConditioned = 10 "ill_conditioned",
-        /// The sums left the range of numbers.
+        /// The sums exceed the range of numbers.
         NotFinite = 11 "not_finite",
-        /// The deformation does not follow the current beyond doubt. Value: slope in standard
-        /// errors; limit: what is needed.
+        /// The deformation does not follow the current significantly. Value: slope in standard errors;
+        /// limit: the least that is needed.
         SignalTooSmall = 12 "signal_too_small",
-        /// The deformation follows the current the wrong way round. Value: slope in standard
+        /// The deformation follows the current in the wrong direction. Value: slope in standard
         /// errors.
         SignalReversed = 13 "signal_reversed",
-        /// The whole interval is of negative stiffness. Value: greatest c_S/c_L in it.
+        /// The whole interval lies at negative stiffness. Value: greatest c_S/c_L in it.
         NegativeStiffness = 14 "negative_stiffness",
-        /// The samples do not fit the calibrated stiffening. Value: standard error of c_S/c_L that
-        /// the misfit makes; limit: that of all else.
+        /// The samples do not fit the calibrated stiffening. Value: standard error of c_S/c_L from the
+        /// misfit; limit: that from all other causes.
         Misfit = 15 "misfit",
         /// The standard error is greater than the settings allow. Value and limit: standard error
         /// as a fraction of the stiffness.
@@ -46,8 +46,8 @@ codes! {
         /// The coil is too hot, or would become so. Value and limit: temperature, degrees Celsius.
         CoilTooHot = 19 "coil_too_hot",
         /// The pulse would exceed the energy that the settings allow for one measurement, or that
-        /// the coil's drive has left. Value and limit: energy, J. In the second case both count what
-        /// the coil has not given off yet, and `wait_s` says when it has.
+        /// the coil's drive has left. Value and limit: energy, J. In the second case both include the
+        /// energy that the coil has not dissipated yet; `wait_s` is the time until it has.
         TooMuchEnergy = 20 "too_much_energy",
         /// The user aborted it.
         Aborted = 21 "aborted",
@@ -55,9 +55,9 @@ codes! {
         Faulted = 22 "faulted",
         /// It took too long. Value and limit: time, s.
         TimedOut = 23 "timed_out",
-        /// Before the touch the sensor did not read the rest of its calibration: something lay on it, or
-        /// its rest has changed. Value: what it read, as a deformation, m; limit: the most that an
-        /// untouched sensor reads.
+        /// Before the touch the sensor was not at the rest position of its calibration: an object lay
+        /// on it, or the rest position has moved. Value: its reading, as a deformation, m; limit: the
+        /// greatest reading of an untouched sensor.
         RestMoved = 24 "rest_moved",
     }
 }

@@ -148,12 +148,12 @@ impl Check {
             Self::ForceMissing => (
                 "force_missing",
                 format!("the load cell gave no reading for {percent:.0} % of the samples"),
-                "See its plug and its program, and take one that prints ten readings a second or more",
+                "Check its plug and its program, and use one that prints ten readings a second or more",
             ),
             Self::Current => (
                 "current_missing",
                 format!("the coil's current stayed {percent:.0} % below its peak"),
-                "See the coil's plugs and its supply",
+                "Check the coil's plugs and its supply",
             ),
             Self::Zero => (
                 "force_not_zero",
@@ -169,8 +169,8 @@ impl Check {
                     "the load cell scatters by {percent:.1} % of the force that is aimed at while nothing \
                      touches"
                 ),
-                "Let its program print newtons; see its cable and shield, keep hands and feet off the bench, or \
-                 take a load cell of a smaller range",
+                "Let its program print newtons; check its cable and shield, keep hands and feet off \
+                 the bench, or use a load cell of a smaller range",
             ),
             Self::Touched => (
                 "touched",
@@ -184,13 +184,13 @@ impl Check {
                      sensor's"
                 ),
                 "Lift the specimen off the sensor, wait until the sensor has recovered from the press \
-                 before, and see that its coil is firmly connected",
+                 before, and check that its coil is firmly connected",
             ),
             Self::Reached => (
                 "press_not_reached",
                 "the press did not reach the sensor: its inductance hardly changed".to_owned(),
-                "See that the specimen is above the sensor, that the stage moves, and how far it is to the \
-                 touch",
+                "Check that the specimen is above the sensor, that the stage moves, and the distance \
+                 to the touch",
             ),
             Self::StageSign => (
                 "stage_sign",
@@ -212,30 +212,30 @@ impl Check {
             Self::ForceUnit => (
                 "force_unit",
                 format!("the force is {value:.3} times more or less than what was aimed at"),
-                "Let the gauge's program print newtons, calibrate the load cell with a weight, and see that \
-                 its cable is plugged in",
+                "Let the gauge's program print newtons, calibrate the load cell with a weight, and \
+                 check that its cable is plugged in",
             ),
             Self::ForceFollows => (
                 "force_does_not_follow",
                 format!(
-                    "force and inductance of the press do not belong together: {percent:.0} % of the force \
-                     is off every smooth curve"
+                    "the force of the press is not a smooth function of the inductance: {percent:.0} % \
+                     of it are off"
                 ),
-                "See that the load cell is plugged in and within its range, that its readings come at once, \
-                 and that nothing slips",
+                "Check that the load cell is plugged in and within its range, that its readings come \
+                 without delay, and that nothing slips",
             ),
             Self::ForceFrozen => (
                 "force_frozen",
                 format!("the load cell showed the same to the last digit for {value:.1} s"),
-                "See its plug; if that is right, let its program print more digits",
+                "Check its plug; if that is right, let its program print more digits",
             ),
             Self::StageFollows => (
                 "stage_does_not_follow",
                 format!(
-                    "the stage's scale and the inductance of the press do not belong together: {percent:.0} % \
-                     of its way is off every smooth curve"
+                    "the stage's scale in the press is not a smooth function of the inductance: \
+                     {percent:.0} % of its travel are off"
                 ),
-                "See that the stage loses no steps and the specimen does not slip, and press again",
+                "Check that the stage loses no steps and the specimen does not slip, and press again",
             ),
             Self::Slip => (
                 "slipped",
@@ -248,7 +248,7 @@ impl Check {
             Self::ForceSlip => (
                 "force_jumped",
                 format!("the force after the train differs by {percent:.0} % from that before it"),
-                "See the load cell's plug, and that nothing slips",
+                "Check the load cell's plug, and that nothing slips",
             ),
             Self::Scatter => (
                 "unsteady",
@@ -276,10 +276,11 @@ impl Check {
             Self::Spring => (
                 "spring_differs",
                 format!(
-                    "the stage moved {percent:.1} % more or less on it than its stiffness takes: another \
-                     spring, another number typed in, or a press that slipped"
+                    "the stage moved {percent:.1} % more or less on it than its stiffness requires: a \
+                     wrong spring, a wrong number, or a press that slipped"
                 ),
-                "Compare the spring with what is written down, in newtons per metre, and press again",
+                "Compare the spring with the stiffness that was entered, in newtons per metre, and \
+                 press again",
             ),
         };
         DataFault {

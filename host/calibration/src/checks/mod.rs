@@ -47,7 +47,7 @@ pub fn fault_of_session(session: &Session, known: &Known) -> Option<DataFault> {
         Err(unusable) => Some(DataFault {
             name: "unusable",
             cause: unusable.to_string(),
-            action: "See specimens, gauges and plugs, and begin anew",
+            action: "Check specimens, gauges and plugs, and start again",
         }),
     }
 }

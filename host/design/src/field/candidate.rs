@@ -9,17 +9,17 @@ use palpate_field::solve::Solved;
 use super::stack::{SensingLayer, expected_error_ln};
 use super::tables::BeyondTable;
 
-/// What is to be better.
+/// Goal of the optimisation.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum Goal {
-    /// eps w_D w_L at the design's current: the part of the stiffness' error that noise makes falls as this rises. It is no error
-    /// to expect: temperature, creep and calibration are not in it
+    /// eps w_D w_L at the design's current: the part of the stiffness' error that noise makes falls as
+    /// this rises. It is not the expected error: temperature, creep and calibration are not in it
     Merit,
     /// Relative rise of the actuated spring at the design's current, per watt
     RisePerWatt,
     /// Least std/mean of |B| in the core at the design's current
     Homogeneity,
-    /// Least error that a press upon a load as stiff as the sensing layer is expected to have, as by `palpate plan`
+    /// Least expected error of a press on a load as stiff as the sensing layer, as by `palpate plan`
     StiffnessError,
 }
 
@@ -123,7 +123,8 @@ impl Candidate {
     /// Score for the goal and the limits.
     pub(super) fn score(&self, goal: Goal, limits: &Limits) -> Result<Score, Failure> {
         let figure = self.figure(goal).ok_or_else(|| {
-            let reason = "no elastomer lies between the boards, so nothing is sprung: add a [[body]] there, or take --goal homogeneity";
+            let reason = "no elastomer lies between the boards, so there is no actuated spring: add a \
+                          [[body]] there, or take --goal homogeneity";
             Failure::Refused(reason.to_owned())
         })?;
         let sign = match goal {
@@ -152,7 +153,7 @@ impl Candidate {
         text.push_str(&format!("  std/mean of |B|     {:.5}\n", self.homogeneity));
         let error = self.stiffness_error_ln;
         let error = error.map_or_else(
-            || "no plan, so that a calibration would be refused".to_owned(),
+            || "no plan: a calibration would be refused".to_owned(),
             |error_ln| format!("{error_ln:.5} expected at c_S, as by `palpate plan`"),
         );
         text.push_str(&format!("  error of stiffness  {error}\n"));
@@ -173,7 +174,7 @@ impl Candidate {
 fn unplanned(cause: Failure) -> Failure {
     match cause {
         Failure::Refused(reason) => Failure::Refused(format!(
-            "{reason}. Begin with --goal merit, which asks for no plan"
+            "{reason}. Begin with --goal merit, which needs no plan"
         )),
         other => other,
     }

@@ -30,7 +30,8 @@ impl Drive {
             None if design.is_driven() => Ok(Self::PerAmpere),
             None if design.has_standing_field() => Ok(Self::Background),
             None => Err(Failure::Argument(format!(
-                "{}: nothing drives a field: add a [[coil]], a magnet (a material with remanence_T) or a [background]",
+                "{}: there is no source of a field: add a [[coil]], a magnet (a material with \
+                 remanence_T) or a [background]",
                 design.name
             ))),
         }

@@ -63,7 +63,7 @@ pub(super) fn explain(forces: &[PartForce], drive: Drive) -> String {
         });
         let by_work = match force.force_N {
             Some(force_n) => format!("{:>12.4} {unit} along the axis", 1e3 * force_n),
-            None => "touches magnetic material: none of its own".to_owned(),
+            None => "touches magnetic material: no separate force".to_owned(),
         };
         format!("  force on {:<18} {by_work}{lorentz}\n", force.part)
     };

@@ -78,7 +78,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     let value: f64 = value
         .trim()
         .parse()
-        .map_err(|_| format!("{value:?} is no number"))?;
+        .map_err(|_| format!("{value:?} is not a number"))?;
     Ok((path.trim().to_owned(), value))
 }
 
@@ -127,7 +127,7 @@ pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
     Err(Failure::Input {
         file: name.into(),
         line: 1,
-        problem: "is no plain file, or too large".to_owned(),
+        problem: "is not a regular file, or too large".to_owned(),
         allowed: format!("a file of at most {MOST_BYTES} bytes"),
     })
 }

@@ -27,13 +27,13 @@ pub(super) struct Arguments {
     /// The field at this current, with saturation, A
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,
-    /// Where to begin, mm; without it, where the drawing of the design begins
+    /// Start of the line, mm; without it, the start of the design's drawing
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     from: Option<f64>,
-    /// Where to end, mm
+    /// End of the line, mm
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     to: Option<f64>,
-    /// How many points
+    /// Number of points
     #[arg(long, default_value_t = 201, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     points: u32,
     /// Print CSV instead of a table

@@ -23,7 +23,7 @@ type Varied = (String, f64, f64);
 pub(super) struct SearchArguments {
     #[command(flatten)]
     source: DesignSource,
-    /// What is to be better
+    /// Goal of the optimisation
     #[arg(long, value_enum, default_value = "stiffness-error")]
     pub(super) goal: Goal,
     /// A number of the design and its bounds

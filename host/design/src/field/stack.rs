@@ -240,7 +240,8 @@ impl BridgeFigures {
         let no_layer = || {
             let middle = 1e3 * design.core.middle_m();
             Failure::Refused(format!(
-                "{}: no body lies between the boards at x = {middle} mm, so nothing is sprung: add a [[body]] there",
+                "{}: no body lies between the boards at x = {middle} mm, so there is no actuated \
+                 spring: add a [[body]] there",
                 design.name
             ))
         };

@@ -56,7 +56,7 @@ pub(super) fn range(text: &str) -> Result<(String, f64, f64), String> {
     let (from, to) = rest.split_once("..").ok_or(allowed)?;
     let number = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("{text:?} is no number; {allowed}")),
+        _ => Err(format!("{text:?} is not a number; {allowed}")),
     };
     Ok((path.trim().to_owned(), number(from)?, number(to)?))
 }
@@ -73,7 +73,7 @@ fn axis(text: &str) -> Result<Axis, String> {
             to,
             count,
         }),
-        _ => Err(format!("{count:?} is no count; allowed: 1 to {MOST}")),
+        _ => Err(format!("{count:?} is not a count; allowed: 1 to {MOST}")),
     }
 }
 

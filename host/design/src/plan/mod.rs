@@ -49,8 +49,8 @@ Two causes are not computed: `creep`, by which trains scatter, was found with 60
 ultrasoft, `model`, what the calibration's model leaves out of a press, with 15. For every other stack both are \
 assumed.
 
-Exit code 1 when the stack cannot be calibrated, or has no train within the limits; exit code 2 for a stack or a \
-number that cannot be.
+Exit code 1 when the stack cannot be calibrated, or has no train within the limits; exit code 2 for an \
+invalid stack or number.
 
 Example: a stack of your own, pressed to 0.7 of its depth at the bench's temperature, with a chart
 
@@ -178,8 +178,9 @@ fn unplannable(stack: &str, cause: Unplannable) -> Failure {
             "the falls of its train have too few conversions for a line"
         }
         Unplannable::StiffensTooLittle => {
-            "the actuated layer stiffens too little to be seen, and a calibration would be refused. It takes a \
-             stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
+            "the actuated layer stiffens too little to be measured, and a calibration would be \
+             refused. It needs a stronger field, a softer elastomer, or a softer actuated layer than \
+             the sensing one"
         }
     };
     Failure::Refused(format!("the stack {stack}: {reason}"))

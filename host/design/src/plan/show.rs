@@ -38,7 +38,7 @@ pub(super) fn text(plan: &Plan) -> String {
     );
     let _ = writeln!(
         text,
-        "\nThe part of it that would go if the bench gave one quantity exactly:\n{}",
+        "\nThe part of it that would vanish if the bench gave one quantity exactly:\n{}",
         quantities(&plan.errors)
     );
     let _ = writeln!(
@@ -126,7 +126,7 @@ fn trains(trains: &[ComparedTrain]) -> Table {
     .map(str::to_owned)
     .to_vec();
     header.extend(COMPARED.map(|load| format!("at {load} c_S")));
-    header.extend(["gain", "what a better one exceeds"].map(str::to_owned));
+    header.extend(["gain", "limited by"].map(str::to_owned));
     let last = header.len() - 1;
     let row = |compared: &ComparedTrain| {
         let train = &compared.train;

@@ -40,15 +40,15 @@ for each world. An interrupted run has its lines, and with --rows every press of
 The file gets its name at the end of the run; until then the rows are in FILE.partial, as CSV, and those of a \
 FILE.parquet in FILE.parquet.csv. An interrupted run leaves them there.
 
-Exit code 1 when so few intervals of the calibrated world contain the truth that with as many sensors it would happen \
-once in 740 times if 95 % did (92 % with 500 sensors, 83 % with 30: those of one sensor hold or miss together), and \
-when there is no estimate at all.
+Exit code 1 when so few intervals of the calibrated world contain the truth that with as many sensors \
+it would happen once in 740 times if 95 % did (92 % with 500 sensors, 83 % with 30: those of one sensor \
+are correlated), and when there is no estimate at all.
 
-Example: what a press in a hand, and one 30 K warmer than the bench, come to on 20 sensors
+Example: presses in a hand, and 30 K warmer than the bench, on 20 sensors
 
   palpate campaign --plants 20 --world calibrated,hand,warmer-30-k")]
 pub struct Arguments {
-    /// How many sensors are drawn
+    /// Number of sensors
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     plants: u64,
     /// The first sensor; the following have the following seeds
@@ -64,7 +64,7 @@ pub struct Arguments {
     /// The loads, in units of c_S, or `block`
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.5,1,2,5", value_parser = load)]
     loads: Vec<f64>,
-    /// What has changed since the bench; each sensor presses in all worlds that are named here
+    /// Changes since the bench; each sensor is pressed in all worlds that are named here
     #[arg(long, value_enum, value_delimiter = ',', default_value = "calibrated")]
     world: Vec<World>,
     /// Press in all worlds
@@ -74,8 +74,8 @@ pub struct Arguments {
     /// layers change, and the instrument corrects by it
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     temperatures: u8,
-    /// Check each calibration in its world first, by a train without a press: it corrects what the current adds
-    /// to the reading, and states the change as an uncertainty of the stiffening
+    /// Check each calibration in its world first, by a train without a press: it corrects the current's
+    /// effect on the reading, and states the change as an uncertainty of the stiffening
     #[arg(long)]
     check_untouched: bool,
     /// Check each calibration in its world, by a spring of c_S that is known to 1 %: it corrects the
@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), F
     }
     if all.iter().all(|press| press.outcome.is_err()) {
         return Err(Failure::Refused(
-            "no press came to an estimate, so that there is no claim to count".to_owned(),
+            "no press gave an estimate, so there are no intervals to count".to_owned(),
         ));
     }
     let calibrated = all.iter().filter(|press| press.world == World::Calibrated);
@@ -167,8 +167,8 @@ pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), F
     let least = least_honest(sensors);
     if (covered as f64) < estimated as f64 * least {
         return Err(Failure::Refused(format!(
-            "{covered} of {estimated} intervals of 95 % contain the truth, fewer than the {:.0} % that {sensors} sensors \
-             come to at least",
+            "{covered} of {estimated} intervals of 95 % contain the truth, fewer than the least {:.0} \
+             % expected of {sensors} sensors",
             least * 100.0
         )));
     }
@@ -374,7 +374,8 @@ fn figure(WorldResult { overall, bins, .. }: &WorldResult) -> String {
         Some(format!("{:.1} % at {}", error * 100.0, bin.load))
     });
     format!(
-        "{} of {} intervals contain the truth, {} estimates are falsely sure; RMS errors (ln) of {}.",
+        "{} of {} intervals contain the truth, {} estimates are narrow and wrong; RMS errors (ln) of \
+         {}.",
         overall.covered(),
         overall.accepted,
         overall.falsely_sure(),
@@ -398,8 +399,8 @@ fn figure_of_worlds(results: &[WorldResult]) -> String {
     });
     let [worlds, refused, covered, all, sure] = sums;
     format!(
-        "In {worlds} changed worlds {refused} presses are refused; {covered} of {all} intervals contain the truth, and {sure} estimates are \
-         falsely sure."
+        "In {worlds} changed worlds {refused} presses are refused; {covered} of {all} intervals \
+         contain the truth, and {sure} estimates are narrow and wrong."
     )
 }
 
@@ -420,7 +421,8 @@ fn worlds(results: &[WorldResult]) -> String {
     }
     missing.sort_by_key(|(_, [all, _, covered, sure])| Reverse((*sure, all - covered)));
     let mut text = String::from(
-        "| world | estimated | refused | contain the truth | falsely sure |\n|---|---|---|---|---|\n",
+        "| world | estimated | refused | contain the truth | narrow and wrong \
+         |\n|---|---|---|---|---|\n",
     );
     for (world, counts) in missing {
         text += &format!(
@@ -468,7 +470,7 @@ fn table(result: &WorldResult) -> Table {
         "mean error",
         "median half width",
         "over the narrowest",
-        "falsely sure",
+        "narrow and wrong",
         "RMS, two-state formula",
     ]);
     for bin in &result.bins {

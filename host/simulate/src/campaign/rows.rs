@@ -142,7 +142,7 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
 fn unbegun(journal: &Path, reason: io::Error) -> Failure {
     if reason.kind() == io::ErrorKind::AlreadyExists {
         return Failure::Argument(format!(
-            "{} is there already, of a run that was interrupted: move it away, or name another file with --rows",
+            "{} exists already, from an interrupted run: move it away, or name another file with --rows",
             journal.display()
         ));
     }

@@ -120,7 +120,7 @@ pub(super) fn residuals(evaluation: &Evaluation) -> Chart {
         .iter()
         .map(|point| (point.time_s, point.residual_m * 1e9));
     Chart {
-        title: "What the line leaves".to_owned(),
+        title: "Residuals of the line".to_owned(),
         x: Axis::linear("time since the first rise, s"),
         y: Axis::linear("residual of x, nm"),
         series: vec![Series::new(

@@ -25,7 +25,7 @@ pub(crate) fn page(
     Ok(document(
         &format!("palpate: {title}"),
         &html! {
-            h1 { "How stiff is what presses?" }
+            h1 { "Stiffness of the pressed objects" }
             p { (title) "." }
             p { (results::calibrated(instrument)) "." }
             (table(row))

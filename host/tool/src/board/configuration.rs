@@ -54,8 +54,8 @@ pub(crate) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
         return Ok(commands);
     }
     Err(Failure::Refused(format!(
-        "what the board sent is not its configuration {in_force_crc:08x}: a part was lost on the way or \
-         changed meanwhile. Close other programs that use the board, and try again"
+        "the received configuration is not the board's {in_force_crc:08x}: a part was lost in transit \
+         or changed meanwhile. Close other programs that use the board, and try again"
     )))
 }
 
@@ -109,8 +109,8 @@ pub(crate) fn read_part(
         }
         if link.now() > end {
             return Err(Failure::Refused(format!(
-                "the board did not send all of {}: records were lost on the way. `palpate doctor` looks \
-                 at the link",
+                "the board did not send all of {}: records were lost in transit. `palpate doctor` \
+                 checks the link",
                 question.part
             )));
         }

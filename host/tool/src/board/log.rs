@@ -11,7 +11,7 @@ use palpate_cli::{notice, text};
 /// First bytes of an ELF file.
 const ELF: &[u8] = b"\x7fELF";
 
-/// Whether the log is shown, and what reads it.
+/// Log of the firmware.
 #[derive(Args)]
 // Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]

@@ -31,8 +31,8 @@ pub(crate) fn store(link: &mut Link) -> Result<Storage, Failure> {
         return Ok(stored);
     }
     Err(Failure::Refused(
-        "the board did not store what is in force, and keeps what it stored before: docs/faults.md, \
-         storage_failed, says what to do"
+        "the board did not store the active configuration, and keeps the one stored before: \
+         docs/faults.md, storage_failed, says what to do"
             .to_owned(),
     ))
 }
@@ -47,7 +47,8 @@ pub(crate) fn erase(link: &mut Link) -> Result<Storage, Failure> {
         return Ok(erased);
     }
     Err(Failure::Refused(
-        "the board did not erase what it stored: docs/faults.md, storage_failed, says what to do"
+        "the board did not erase the stored configuration: docs/faults.md, storage_failed, says what \
+         to do"
             .to_owned(),
     ))
 }
@@ -70,9 +71,9 @@ fn ended(
 /// Sentence about the lifetime of a configuration that is in force but not stored.
 pub(crate) const fn lasts(on_emulated_board: bool) -> &'static str {
     if on_emulated_board {
-        "Lost with the end of this command, which switches the emulated board off: `--store` keeps it."
+        "Lost at the end of this command, which switches the emulated board off: `--store` keeps it."
     } else {
-        "In force until the power is off; `palpate settings store` keeps it."
+        "Active until power-off; `palpate settings store` keeps it."
     }
 }
 
@@ -80,23 +81,23 @@ pub(crate) const fn lasts(on_emulated_board: bool) -> &'static str {
 pub(crate) fn describe(storage: &Storage) -> String {
     match storage.state {
         StorageState::Whole => format!(
-            "Stored: save {}, {} items, configuration {:08x}, which {} in force ({:08x}).",
+            "Stored: save {}, {} items, configuration {:08x}, which is {} ({:08x}).",
             storage.generation,
             storage.items,
             storage.stored_crc,
             if storage.stored_crc == storage.in_force_crc {
-                "is what is"
+                "the active one"
             } else {
-                "is not what is"
+                "not the active one"
             },
             storage.in_force_crc
         ),
         StorageState::Empty => format!(
-            "Stored: nothing; in force is configuration {:08x}.",
+            "Stored: nothing; the active configuration is {:08x}.",
             storage.in_force_crc
         ),
         other => format!(
-            "Stored: {other}. {} In force is configuration {:08x}.",
+            "Stored: {other}. {} The active configuration is {:08x}.",
             other.meaning().trim(),
             storage.in_force_crc
         ),

@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     /// Seed of the simulation: same seed, same bytes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How this chip counts
+    /// Counter of the simulated chip
     #[arg(long, value_enum, default_value = "two-gates")]
     counter: CounterKind,
     /// Switches of the chip as `palpate bring-up` writes them
@@ -76,7 +76,7 @@ enum FaultKind {
     SdaStuck,
     /// The reference clock stops for 5 ms
     ClockLoss,
-    /// The chip is gone for good
+    /// The chip is lost for good
     Absent,
 }
 

@@ -136,7 +136,7 @@ fn checked(command: Command, file: &Path, line: u64) -> Result<Command, Failure>
             file: file.to_path_buf(),
             line,
             problem: invalid.named(command.payload()).to_string(),
-            allowed: "what docs/protocol.md says of this field".to_owned(),
+            allowed: "a value as in docs/protocol.md".to_owned(),
         }),
     }
 }

@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn a_meaning_is_one_paragraph() {
         let text = meaning(FaultCode::StorageDamaged);
-        assert!(text.starts_with("What is stored") && !text.contains('\n'));
+        assert!(text.starts_with("The stored configuration") && !text.contains('\n'));
         assert!(!text.contains("  "), "{text}");
     }
 }

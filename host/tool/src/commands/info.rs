@@ -107,7 +107,7 @@ fn print(info: &Info, json: bool) -> Result<(), Failure> {
 
 fn print_boot(out: &mut impl Write, boot: &Value) -> io::Result<()> {
     let boot_id = boot.get("boot_id").and_then(Value::as_u64).unwrap_or(0);
-    writeln!(out, "in force in boot {boot_id:08x}:")?;
+    writeln!(out, "configuration of boot {boot_id:08x}:")?;
     let whole = ["hello", "settings", "storage"];
     let whole = whole
         .iter()

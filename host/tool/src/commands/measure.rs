@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     /// How many measurements
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     times: u32,
-    /// Longest that is waited for a contact, s
+    /// Timeout for a contact, s
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
     wait: Duration,
     /// Print JSON

@@ -10,7 +10,7 @@ use std::thread;
 use clap::{Args, ValueEnum};
 use palpate_cli::failure::Failure;
 
-/// Print what a gauge of the simulated bench says, as the program of a real gauge does
+/// Print the readings of a gauge of the simulated bench, as the program of a real gauge does
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Which gauge

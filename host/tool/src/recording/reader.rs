@@ -111,7 +111,7 @@ impl<R: BufRead> Reader<R> {
             }
             _ if self.messages.is_ours => return Ok(()),
             Some(McapError::Io(_)) => self.damage().unwrap_or_default(),
-            Some(_) if !self.has_end => format!("this is no MCAP file: {NAME}"),
+            Some(_) if !self.has_end => format!("this is not an MCAP file: {NAME}"),
             _ => format!("there are no records of palpate in this file: {NAME}"),
         };
         Err(refused(file, &problem))

@@ -40,7 +40,7 @@ impl Recorder {
         for existing in [path, &partial] {
             if fs::symlink_metadata(existing).is_ok() {
                 return Err(Failure::Argument(format!(
-                    "{} is there already: name another file, or move it away",
+                    "{} exists already: name another file, or move it away",
                     existing.display()
                 )));
             }

@@ -45,7 +45,7 @@ pub(super) fn of_log() -> Value {
             },
             "level": number("0 unknown, 1 debug, 2 info, 3 warning, 4 error"),
             "message": {"type": "string", "description": "What was logged"},
-            "name": {"type": "string", "description": "What has logged it"},
+            "name": {"type": "string", "description": "Name of the log's source"},
             "file": {"type": "string", "description": "Empty: the image does not send it"},
             "line": number("0: the image does not send it"),
         },

@@ -101,7 +101,7 @@ fn ctrl_c_in_a_calibration_leaves_the_one_before_stored() {
     let asked = Command::new("kill").args(["-INT", &number]).status();
     assert!(asked.unwrap().success());
     let message = refused(child);
-    assert!(message.contains("broken off by Ctrl-C"), "{message}");
+    assert!(message.contains("interrupted by Ctrl-C"), "{message}");
     assert_eq!(configuration(folder, "after.jsonl"), before);
 }
 

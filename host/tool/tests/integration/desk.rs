@@ -137,7 +137,7 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
     assert!(
         message.contains("--spring 30000 N/m is 30.0 N/mm, and measured as ")
             && message.contains("standard errors too soft")
-            && message.contains("calibrate anew"),
+            && message.contains("calibrate again"),
         "{message}"
     );
     json(&on_board(&["settings", "export", "again.jsonl"]));

@@ -159,7 +159,10 @@ fn a_background_stands_in_figures_of_their_own() {
     std::fs::write(&path, text.replace("field_T = 1e-3", "field_T = 0")).unwrap();
     let (code, complaint) = refused(&["solve", file]);
     assert_eq!(code, Some(2));
-    assert!(complaint.contains("nothing drives a field"), "{complaint}");
+    assert!(
+        complaint.contains("there is no source of a field"),
+        "{complaint}"
+    );
     let within = printed(&["show", "closed"]) + "\n[background]\nfield_T = 0.01\n";
     std::fs::write(&path, within).unwrap();
     let (code, complaint) = refused(&["stack", file, "--mse", "soft"]);
@@ -625,7 +628,7 @@ fn refusals_name_file_and_line() {
     assert!(complaint.contains("with parameters.gap=0"), "{complaint}");
     let (code, complaint) = refused(&["solve", "/dev/zero"]);
     assert_eq!(code, Some(2), "{complaint}");
-    assert!(complaint.contains("no plain file"), "{complaint}");
+    assert!(complaint.contains("not a regular file"), "{complaint}");
     std::fs::write(&path, "modulus_Pa = 1e5\nrise = -3.0\nhalf_T = 0.30\n").unwrap();
     let (code, complaint) = refused(&["stack", "A", "--mse", path.to_str().unwrap()]);
     assert_eq!(code, Some(2));

@@ -80,8 +80,8 @@ fn what_cannot_be_read_is_refused_by_every_verb() {
     foreign(&folder.join("other.mcap"));
     for (file, parts) in [
         ("nothing.mcap", ["is empty", "name"]),
-        ("short.mcap", ["no MCAP file", "name"]),
-        ("foreign.mcap.partial", ["no MCAP file", "name"]),
+        ("short.mcap", ["not an MCAP file", "name"]),
+        ("foreign.mcap.partial", ["not an MCAP file", "name"]),
         ("zstd.mcap", ["compressed by zstd", "mcap decompress"]),
         ("lz4.mcap", ["compressed by lz4", "mcap decompress"]),
         ("folder.mcap", ["folder.mcap: ", "Name a file"]),

@@ -211,6 +211,6 @@ fn what_is_no_recording_is_refused() {
     for output in [export, inform] {
         assert_eq!(output.status.code(), Some(2));
         let said = String::from_utf8_lossy(&output.stderr);
-        assert!(said.contains("no MCAP file"), "{said}");
+        assert!(said.contains("not an MCAP file"), "{said}");
     }
 }

@@ -211,7 +211,7 @@ fn what_becomes_of_a_change_is_said() {
     };
     let (code, lost) = said(&["set", "rate_hz=500"]);
     assert_eq!(code, Some(0), "{lost}");
-    assert!(lost.contains("Lost with the end of this command"), "{lost}");
+    assert!(lost.contains("Lost at the end of this command"), "{lost}");
     let (code, kept) = said(&["set", "rate_hz=500", "--store"]);
     assert_eq!(code, Some(0), "{kept}");
     assert!(!kept.contains("Lost"), "{kept}");
@@ -223,7 +223,7 @@ fn what_becomes_of_a_change_is_said() {
     let (code, empty) = said(&["import", "empty.jsonl"]);
     assert_eq!(code, Some(2), "{empty}");
     assert!(
-        empty.contains("empty.jsonl, line 1: no command is in it"),
+        empty.contains("empty.jsonl, line 1: it has no command"),
         "{empty}"
     );
 }

@@ -125,7 +125,7 @@ fn a_sensor_that_cannot_measure_says_why() {
     assert_eq!(output.status.code(), Some(1));
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(
-        message.contains("stiffens too little to be seen"),
+        message.contains("stiffens too little to be measured"),
         "{message}"
     );
 }
@@ -393,10 +393,7 @@ fn a_campaign_without_an_estimate_is_no_success() {
     let output = palpate(&["campaign", "--plants", "1", "--stack", "paper"]);
     assert_eq!(output.status.code(), Some(1));
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        message.contains("no press came to an estimate"),
-        "{message}"
-    );
+    assert!(message.contains("no press gave an estimate"), "{message}");
 }
 
 proptest! {

@@ -235,7 +235,7 @@ def test_a_calibration_that_is_aborted_leaves_the_one_before_in_force(page):
     assert disabled[:4] == ["true", "false", None, "true"]
     until_other(page, lambda: drawn(page, "frequency-plot"))
     page.find_element(By.CSS_SELECTOR, "[data-action=abort]").click()
-    until(page, "calibration", "it was aborted. The one before is in force.")
+    until(page, "calibration", "it was aborted. The previous one is active.")
     assert focused(page) == "dismiss"
     press(page, Keys.ENTER)
     until(page, "connection", "Connected")
@@ -315,9 +315,9 @@ def test_it_goes_on_after_the_tool_was_started_again(page, live):
 def test_a_calibration_is_kept_and_a_press_is_measured(page):
     page.find_element(By.ID, "calibrate").click()
     press(page, Keys.ENTER)
-    until(page, "calibration", "It is not in force yet.", 1800)
+    until(page, "calibration", "It is not active yet.", 1800)
     press(page, Keys.ENTER)
-    until(page, "calibration", "is in force, and stored.")
+    until(page, "calibration", "is active and stored.")
     press(page, Keys.ENTER)
     until(page, "connection", "Connected")
     until(page, "readings", " µm\nFrequency")

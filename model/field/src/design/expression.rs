@@ -15,7 +15,7 @@ pub(super) fn evaluate(text: &str, names: &BTreeMap<String, f64>) -> Result<f64,
     let value = parser.sum()?;
     match parser.peek() {
         None => Ok(value),
-        Some(found) => Err(format!("{found:?} is not expected in {text:?}")),
+        Some(found) => Err(format!("{found:?} is unexpected in {text:?}")),
     }
 }
 

@@ -356,7 +356,7 @@ fn refusals_name_the_place() {
         (
             "mu_r = 3.7",
             "mu_r = 3.7\nknee_T = 1.0",
-            "is in no known form",
+            "has an unknown form",
             line("[material.mse]"),
         ),
     ];

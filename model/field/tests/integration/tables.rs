@@ -150,7 +150,7 @@ fn refused_tables_name_file_and_line() {
         ("folder", named("folder", ".")),
     ] {
         assert!(
-            refused.contains("no plain file, or too large"),
+            refused.contains("not a regular file, or too large"),
             "{name}: {refused}"
         );
         assert!(refused.contains("pot.toml:"), "{name}: {refused}");

@@ -100,7 +100,7 @@ impl PluggedBoard {
         {
             if self.now() >= end {
                 return Err(Failure::Refused(
-                    "the emulated board does not appear at its USB: is it an image of the firmware?"
+                    "the emulated board does not appear on USB: is it an image of the firmware?"
                         .to_owned(),
                 ));
             }

@@ -89,7 +89,7 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     }
     // A pipe or a device may never end.
     if !data.is_file() {
-        return Err(no_flash(path, "no file, but a device"));
+        return Err(no_flash(path, "a device, not a file"));
     }
     if data.len() != AREA as u64 {
         let size = format!("{} bytes, where the board keeps {AREA}", data.len());
@@ -102,7 +102,7 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
         .count()
         < AREA / SECTOR / 2
     {
-        return Err(no_flash(path, "nothing in it is from a board's flash"));
+        return Err(no_flash(path, "it has no contents of a board's flash"));
     }
     Ok(Some(area))
 }
@@ -116,7 +116,8 @@ fn is_begun(sector: &[u8]) -> bool {
 
 fn no_flash(path: &Path, what: &str) -> Failure {
     Failure::Argument(format!(
-        "--state {}: {what}; name a file that the emulated board has written, or one that is not there yet",
+        "--state {}: {what}; name a file that the emulated board has written, or one that does not \
+         exist yet",
         path.display()
     ))
 }

@@ -49,8 +49,8 @@ impl Pace {
         }
         self.warned = true;
         Some(
-            "palpate: this computer emulates the board slower than real time: its clock lags behind; \
-             build with --release, or give it a core of its own"
+            "palpate: this computer emulates the board slower than real time: its clock lags; build \
+             with --release, or give it a core of its own"
                 .to_owned(),
         )
     }

@@ -169,7 +169,7 @@ impl Arguments {
         match address {
             Address::Emulated => self.open_emulated(run, press),
             _ if press.is_some() => Err(Failure::Argument(
-                "only the emulated board presses something by itself: leave --load out, or add \
+                "only the emulated board can press a load: leave --load out, or add \
                  --board emulated"
                     .to_owned(),
             )),
@@ -197,7 +197,7 @@ impl Arguments {
         self.emulated.none_for_a_real_board()?;
         if !matches!(address, Address::Probe(..) | Address::DebugProbe(_)) {
             self.log.none_without(
-                "it comes through a debug probe (--board probe), and from the emulated board",
+                "it is available through a debug probe (--board probe) and from the emulated board",
             )?;
         }
         let log = self.log.load(None)?;
@@ -342,13 +342,13 @@ fn unopened(path: &str, is_listed: bool, error: &io::Error) -> Failure {
         ErrorKind::PermissionDenied => (
             "forbidden",
             format!(
-                "This user may not open it. On Linux, write this line to \
+                "This user has no permission to open it. On Linux, write this line to \
                  /etc/udev/rules.d/70-palpate.rules and plug the board in again:\n  {UDEV_RULE}"
             ),
         ),
         ErrorKind::NotFound => (
             "no_such_port",
-            "There is no such port, and no board with this serial number: see `palpate devices`"
+            "There is no such port, and no board with this serial number: `palpate devices` lists all"
                 .into(),
         ),
         _ => ("unopened", "Unplug the board and plug it in again".into()),

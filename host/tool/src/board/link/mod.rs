@@ -190,13 +190,15 @@ impl Link {
             Finding::new(
                 "silent",
                 format!("{name}: nothing answers"),
-                "See whether its LED blinks. If not, flash the firmware of palpate; if it does, plug it in \
-                 again",
+                "Check whether its LED blinks. If not, flash the firmware of palpate; if it does, plug \
+                 it in again",
             )
         } else {
             Finding::new(
                 "other_firmware",
-                format!("{name}: what answers is not the firmware of palpate, but sends {text:?}"),
+                format!(
+                    "{name}: the device is not running the firmware of palpate; it sends {text:?}"
+                ),
                 "Name another board with --board, or flash the firmware of palpate",
             )
         }
@@ -276,7 +278,7 @@ impl Link {
             seen = self.received.len();
         }
         Err(Failure::Refused(format!(
-            "{} does not answer {}: see its LED, and plug it in again",
+            "{} does not answer {}: check its LED, and plug it in again",
             self.name,
             command.name()
         )))
@@ -295,12 +297,12 @@ impl Link {
     pub(crate) fn refusal(&self, command: &Command, outcome: Outcome) -> Failure {
         Failure::Refused(match outcome {
             Outcome::NotCalibrated => {
-                "the board is not calibrated: `palpate calibrate sensor`, or \
-                `palpate settings import` of what it had"
+                "the board is not calibrated: `palpate calibrate sensor`, or import an export with \
+                 `palpate settings import`"
                     .to_owned()
             }
             Outcome::Faulted => format!(
-                "the board stands in a fault{}; docs/faults.md says what to do and how it is cleared",
+                "the board has a fault{}; docs/faults.md says what to do and how it is cleared",
                 self.fault()
                     .map_or_else(String::new, |of| format!(" ({of})"))
             ),
@@ -407,7 +409,7 @@ impl Link {
             return Failure::Lost(format!("{}: {error}", self.name));
         }
         Failure::Lost(format!(
-            "{}: the board is gone ({error}): see its cable and plug it in again",
+            "{}: the board was disconnected ({error}): check its cable and plug it in again",
             self.name
         ))
     }

@@ -57,7 +57,7 @@ impl Playback {
         let hello = Reader::boot_notes(file)?.iter().find_map(hello);
         let (Some(first), Some(hello)) = (first, hello) else {
             return Err(Failure::Argument(format!(
-                "{}: it does not say of which board it is: name a recording of `palpate record`",
+                "{}: the identity of its board is missing: name a recording of `palpate record`",
                 file.display()
             )));
         };

@@ -148,7 +148,8 @@ fn attach(selector: Option<&str>) -> io::Result<Session> {
         None => match lister.list_all().as_slice() {
             [only] => only.into(),
             [] => {
-                let none = "no debug probe is plugged in, or this user may not open it";
+                let none =
+                    "no debug probe is plugged in, or this user has no permission to open it";
                 return Err(io::Error::new(io::ErrorKind::NotFound, none));
             }
             several => {

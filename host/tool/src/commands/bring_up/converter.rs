@@ -150,10 +150,10 @@ impl Converter {
         match self.0.ask(kind, rest)? {
             (RequestOutcome::Done, answer) => Ok(answer),
             (RequestOutcome::NotAcknowledged, _) => Err(Failure::Refused(
-                "the converter does not acknowledge: see its supply, SD, ADDR and the bus".into(),
+                "the converter does not acknowledge: check its supply, SD, ADDR and the bus".into(),
             )),
             (RequestOutcome::NoEdge, _) => Err(Failure::Refused(
-                "no edge of INTB came: see INTB's wire, CLKIN and the sensor".into(),
+                "no edge on INTB: check INTB's wire, CLKIN and the sensor".into(),
             )),
             (outcome, _) => Err(Failure::Refused(format!("the board: {outcome:?}"))),
         }
@@ -166,7 +166,9 @@ impl Converter {
             return Ok(());
         }
         Err(Failure::Refused(
-            "the board runs another version of the image bring_up: flash this one's".to_owned(),
+            "the board runs another version of the image bring_up: flash the one of this \
+             version"
+                .to_owned(),
         ))
     }
 
@@ -178,7 +180,7 @@ impl Converter {
     pub(super) fn read(&mut self, register: u8) -> Result<u16, Failure> {
         match self.read_bytes(register, 2)?[..] {
             [high, low] => Ok(u16::from_be_bytes([high, low])),
-            _ => Err(Failure::Refused("a register of another length".to_owned())),
+            _ => Err(Failure::Refused("a register of a wrong length".to_owned())),
         }
     }
 
@@ -281,7 +283,7 @@ impl Converter {
         request.extend(FRAME);
         let answer = self.done(b'E', &request)?;
         let &[seen, a, b, c, d, e, f, g, h, _, _, w, x, y, z] = answer.as_slice() else {
-            return Err(Failure::Refused("edges of another length".to_owned()));
+            return Err(Failure::Refused("edges of a wrong length".to_owned()));
         };
         let first_us = u32::from_le_bytes([a, b, c, d]);
         let last_us = u32::from_le_bytes([e, f, g, h]);

@@ -95,8 +95,8 @@ impl Link {
         let answer = match self {
             Self::Probe(stream) => over_probe(stream, &request).map_err(|error| {
                 Failure::Refused(format!(
-                    "the board does not answer ({error}). Is it the image bring_up that runs, and \
-                     is the probe's server at channel 0?"
+                    "the board does not answer ({error}). Is the image bring_up running, and is the \
+                     probe's server at channel 0?"
                 ))
             })?,
             Self::Emulated(board) => over_emulation(board, &request)?,
@@ -105,7 +105,7 @@ impl Link {
             .first()
             .and_then(|&number| RequestOutcome::of(number));
         let outcome = outcome.ok_or_else(|| {
-            Failure::Refused("the board's answer is none of the image bring_up".to_owned())
+            Failure::Refused("the answer is not from the image bring_up".to_owned())
         })?;
         Ok((outcome, answer.get(1..).unwrap_or_default().to_vec()))
     }

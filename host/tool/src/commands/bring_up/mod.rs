@@ -31,8 +31,7 @@ use crate::board::switches;
 #[derive(Args)]
 #[command(after_help = "\
 A board is reached through the server of its debug probe, at channel 0 of its RTT; \
-docs/bring-up.md has the command for OpenOCD. Its sensor has to rest, and its coil to be \
-without supply.
+docs/bring-up.md has the command for OpenOCD. Leave its sensor untouched, and its coil without supply.
 
 `palpate chip --switches FILE.toml` runs the driver against a converter with these switches.
 
@@ -54,10 +53,10 @@ pub(crate) struct Arguments {
     emulated: bool,
     #[command(flatten)]
     image: image::Arguments,
-    /// Switches of the emulated board's converter, instead of the usual ones
+    /// Switches of the emulated board's converter, instead of the defaults
     #[arg(long, value_name = "FILE.toml", requires = "emulated")]
     switches: Option<PathBuf>,
-    /// Ask on a board for a dip of the converter's supply, and see what it changes
+    /// Ask on a board for a dip of the converter's supply, and measure its effect
     #[arg(long, requires = "connect")]
     dip: bool,
     /// Where the switches that were found are written

@@ -192,7 +192,7 @@ impl Tests {
         let holds = |counts: &PlausibilityCount| match counts.hypothesis() {
             Hypothesis::Holds => "ratios of counts",
             Hypothesis::Fails => "no ratios of counts",
-            Hypothesis::Undecided => "not decided",
+            Hypothesis::Undecided => "undecided",
         };
         self.tell(
             "2. words as M/N",
@@ -335,7 +335,7 @@ impl Tests {
         self.tell(
             "flags of DATA read twice",
             match (first & AMPLITUDE != 0, kept) {
-                (false, _) => "no flag came: not decided".to_owned(),
+                (false, _) => "no flag appeared: undecided".to_owned(),
                 (true, true) => "kept".to_owned(),
                 (true, false) => "cleared".to_owned(),
             },
@@ -467,7 +467,7 @@ impl Tests {
         };
         self.tell(
             "5. registers written while converting",
-            format!("{taken} of {count} taken, {spoilt} conversions spoilt"),
+            format!("{taken} of {count} accepted, {spoilt} conversions corrupted"),
         );
         Ok(())
     }

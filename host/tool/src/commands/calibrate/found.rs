@@ -115,7 +115,7 @@ impl CalibrationFigures {
             ),
             (
                 format!(
-                    "standard uncertainty of c_L there, noise aside, at {}",
+                    "standard uncertainty of c_L at that temperature, without noise, at {}",
                     loads()
                 ),
                 percents(&self.uncertainty),
@@ -140,7 +140,7 @@ fn limits(parts: &Parts) -> Vec<Limit> {
     let of = |cause, uncertainty| Limit { cause, uncertainty };
     let mut limits = vec![
         of("the springs' tolerance", parts.springs),
-        of("what the trains leave unexplained", parts.trains),
+        of("unexplained scatter of the trains", parts.trains),
         of("load cell, stage and frame", parts.bench),
     ];
     let sum = |limit: &Limit| limit.uncertainty.iter().sum::<f64>();
@@ -184,10 +184,10 @@ pub(super) fn print(found: &CalibrationFigures, json: bool) -> Result<(), Failur
     writeln!(out, "{table}")?;
     if found.stored {
         let id = found.calibration_id;
-        return Ok(writeln!(out, "Calibration {id} is in force, and stored.")?);
+        return Ok(writeln!(out, "Calibration {id} is active and stored.")?);
     }
     Ok(writeln!(
         out,
-        "It is in force, and not stored: it is lost with the power."
+        "It is active, and not stored: it is lost at power-off."
     )?)
 }

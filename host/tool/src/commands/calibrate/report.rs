@@ -74,7 +74,7 @@ fn beside(basis: &Basis) -> Chart {
     let points = basis.presses.iter();
     let points = points.map(|(change, n)| (1e2 * change, 1e3 * n));
     Chart {
-        title: "Load cell beside that curve, presses upon the block".to_owned(),
+        title: "Load cell against that curve, presses on the block".to_owned(),
         x: Axis::linear("change of inductance, %"),
         y: Axis::linear("load cell less curve, mN"),
         series: vec![Series::new(
@@ -106,9 +106,9 @@ fn trains(basis: &Basis) -> Chart {
         .collect();
     let ends = misses.iter().map(|(kappa, _)| (*kappa, 0.0));
     Chart {
-        title: "What each train by itself misses".to_owned(),
+        title: "Residual of each train".to_owned(),
         x: Axis::logarithmic("c_S/c_L as pressed"),
-        y: Axis::linear("miss of c_S/c_L, % of 1 + c_S/c_L"),
+        y: Axis::linear("residual of c_S/c_L, % of 1 + c_S/c_L"),
         series: vec![
             Series::new("no miss", GREY, Marks::Line(ends.collect())),
             Series::new("trains", BLUE, Marks::Crosses(misses)),
@@ -123,7 +123,7 @@ fn springs(basis: &Basis) -> Chart {
     let all = || basis.springs.iter().filter(|(_, found)| *found > 0.0);
     Chart {
         title: "Springs by stage and force".to_owned(),
-        x: Axis::logarithmic("written on it, N/mm"),
+        x: Axis::logarithmic("nominal, N/mm"),
         y: Axis::logarithmic("by the gauges, N/mm"),
         series: vec![
             Series::new("equal", GREY, Marks::Line(all().map(equal).collect())),

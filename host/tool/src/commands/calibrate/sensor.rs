@@ -60,24 +60,26 @@ pub(crate) struct Arguments {
     /// Calibrate without a load cell: known springs and the stage's scale give the force
     #[arg(long, conflicts_with = "force")]
     no_load_cell: bool,
-    /// Program of the stage: moves to places and prints them, in metres. Without it a hand drives the stage
+    /// Program of the stage: moves to positions and prints them, in metres. Without it you drive the
+    /// stage by hand
     #[arg(long, value_name = "PROGRAM")]
     stage: Option<String>,
     /// Stiffness of the springs, N/m, by commas: four at least, from a tenth of the sensing
     /// layer's to five times it
     #[arg(long, value_name = "N_PER_M", value_delimiter = ',', value_parser = spring)]
     springs: Vec<f64>,
-    /// How far a spring may be off what is written on it, relative
+    /// Relative tolerance of the springs
     #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
     spring_tolerance: f64,
-    /// Write what was written down on the bench to this file, as JSON: for --other-session later
+    /// Write the recorded session to this file, as JSON: for --other-session later
     #[arg(long, value_name = "FILE.json")]
     save_session: Option<PathBuf>,
-    /// Take this session with the present one, of the same sensor and specimens at another temperature: the
-    /// calibration is that of the file, and the two show how the layers change with the temperature
+    /// Combine this session, of the same sensor and specimens at another temperature, with the present
+    /// one: the calibration is that of the file, and both give the temperature coefficients of the
+    /// layers
     #[arg(long, value_name = "FILE.json")]
     other_session: Option<PathBuf>,
-    /// How much warmer than at first the emulated board's bench is, K
+    /// Temperature of the emulated board's bench above its first one, K
     #[arg(long, value_name = "KELVIN", default_value_t = 0.0, value_parser = warmer, allow_negative_numbers = true)]
     warmer_k: f64,
     /// Number of the calibration, which the board reports. Otherwise the seconds since 1970
@@ -128,7 +130,7 @@ impl Arguments {
     fn known(&self) -> Result<(Stack, Parameters), Failure> {
         self.link.sensor()?.ok_or_else(|| {
             Failure::Argument(
-                "what the sensor is made of is not known: name its stack with --stack".to_owned(),
+                "the layers of the sensor are unknown: name its stack with --stack".to_owned(),
             )
         })
     }
@@ -152,7 +154,7 @@ impl Arguments {
         }
         if self.force.is_none() && !self.no_load_cell {
             return wrong(
-                "nothing gives the force: name the load cell's program with --force, or add --no-load-cell \
+                "the force is unknown: name the load cell's program with --force, or add --no-load-cell \
                  to calibrate by springs and the stage's scale",
             );
         }
@@ -216,8 +218,8 @@ fn is_stored(link: &mut Link) -> Result<(), Failure> {
     let storage = storage::inspect(link)?;
     if storage.state == StorageState::Whole && storage.stored_crc != storage.in_force_crc {
         return Err(Failure::Refused(
-            "what is in force in the board is not what it stores, and would be lost: `palpate settings \
-             store` first, or start the board anew"
+            "the active configuration of the board is not stored, and would be lost: `palpate settings \
+             store` first, or restart the board"
                 .to_owned(),
         ));
     }
@@ -237,8 +239,8 @@ fn restore(link: &mut Link, before: &Settings) {
         return;
     }
     notice::say(
-        "palpate: the board cannot be reached. What it stored before is unchanged, and in force when it has \
-         started anew",
+        "palpate: the board cannot be reached. Its stored configuration is unchanged, and active after \
+         its next start",
     );
 }
 

@@ -21,8 +21,8 @@ use crate::commands::calibrate::sensor::{spring as stiffness_of, tolerance};
 #[derive(Args)]
 #[command(after_help = "\
 First without a press, then with a spring. The spring should be about as stiff as the sensing layer, \
-and be pressed as deep as objects are. The calibration is in force at once, and lost with the power \
-unless it is stored.
+and be pressed as deep as objects are. The calibration is active at once, and lost at power-off unless \
+it is stored.
 
 Exit code 1 if the press contradicts the calibration, or the board refuses the measurement.
 
@@ -33,21 +33,21 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub(super) link: link::Arguments,
-    /// Check by a train without a press, held against the bench's own in the session that the calibration was made of
-    /// (`palpate calibrate sensor --save-session`)
+    /// Check by a train without a press, compared with the bench's own in the session that the
+    /// calibration was made of (`palpate calibrate sensor --save-session`)
     #[arg(long, value_name = "SESSION.json", conflicts_with_all = ["spring", "tolerance", "load", "wait"])]
     pub(super) untouched: Option<PathBuf>,
-    /// Stiffness of the spring with what it stands on, N/m. The emulated board knows its own
+    /// Stiffness of the spring in series with its stand, N/m. The emulated board knows its own
     #[arg(long, value_name = "N_PER_M", value_parser = stiffness_of)]
     pub(super) spring: Option<f64>,
-    /// How far that may be off, relative
+    /// Relative tolerance of the spring
     #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
     pub(super) tolerance: f64,
     /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
     /// stiffness
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = quantity::load, allow_negative_numbers = true)]
     pub(super) load: f64,
-    /// Longest that is waited for a contact, s
+    /// Timeout for a contact, s
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
     pub(super) wait: Duration,
     /// Store the corrected calibration

@@ -43,12 +43,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
     if link.is_recording() {
         return Err(Failure::Argument(
-            "--board: a recording cannot be pressed; name a board".to_owned(),
+            "--board: a recording cannot measure a press; name a board".to_owned(),
         ));
     }
     if arguments.spring.is_none() && !emulated {
         return Err(Failure::Argument(
-            "--spring: how stiff the spring is, with what it stands on, in N/m".to_owned(),
+            "--spring: the stiffness of the spring in series with its stand, in N/m".to_owned(),
         ));
     }
     let commands = in_force(&mut link)?;
@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let own = truth(&mut link);
     link.must(&Command::Disarm)?;
     let spring_n_per_m = arguments.spring.or(own).ok_or_else(|| {
-        Failure::Argument("--load: the emulated board pressed no spring".to_owned())
+        Failure::Argument("--load: the emulated board did not press a spring".to_owned())
     })?;
     let press = KnownPress {
         spring_n_per_m,

@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
     let interrupt = Interrupt::catch()?;
     if link.is_recording() {
         return Err(Failure::Argument(
-            "--board: a recording drives no train; name a board".to_owned(),
+            "--board: a recording cannot drive a train; name a board".to_owned(),
         ));
     }
     let commands = in_force(&mut link)?;
@@ -132,18 +132,21 @@ fn print(
     }
     writeln!(
         out,
-        "What the current adds to the reading of the untouched sensor has changed by {:+.1} % since the \
-         calibration, with a standard error of {:.1} %.",
+        "The effect of the coil's current on the reading of the untouched sensor has changed by {:+.1} \
+         % since the calibration, with a standard error of {:.1} %.",
         checked.change * 100.0,
         checked.standard_error * 100.0
     )?;
     if !checked.corrected {
-        return Ok(writeln!(out, "That is no change: nothing is corrected.")?);
+        return Ok(writeln!(
+            out,
+            "That is within the uncertainty: nothing is corrected."
+        )?);
     }
     Ok(writeln!(
         out,
-        "It is corrected. If the current is another than the board measures, the stiffening has changed by as \
-         much: that counts as its uncertainty until `palpate check --spring`. {}",
+        "It is corrected. If the true current differs from the measured one, the stiffening has \
+         changed by as much: that counts as its uncertainty until `palpate check --spring`. {}",
         if line.stored {
             "Stored."
         } else {

@@ -26,9 +26,9 @@ use crate::board::link::{self, Link};
 /// board's power: the file has it as a command for `palpate encode`.
 #[derive(Args)]
 #[command(after_help = "\
-The reference is a program that prints the coil's current in ampere when it is run, as a bench \
-meter's at a shunt in line with the coil. While it runs the current passes to and fro over \
-0.12 A in 80 ms: let it average over a tenth of a second or more. It may take a second; the coil \
+The reference is a program that prints the coil's current in ampere when it is run, for example by a \
+bench meter at a shunt in series with the coil. While it runs the current swings over 0.12 A in 80 ms: \
+let it average over a tenth of a second or more. It may take a second; the coil \
 rests afterwards.
 
 Examples:
@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
     /// Relative error of the emulated board's reference
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     reference_error: f64,
-    /// Greatest current, A. Otherwise what supply and settings allow
+    /// Greatest current, A. Otherwise the greatest that supply and settings allow
     #[arg(long, value_name = "A")]
     greatest: Option<f64>,
     /// Where the command that sets the correction is written
@@ -155,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     command.validate().map_err(|invalid| {
         let invalid = invalid.named(command.payload());
         Failure::Refused(format!(
-            "the board would not take this correction ({invalid}): are the reference's unit and \
+            "the board would refuse this correction ({invalid}): are the reference's unit and \
              sign right, and the amplifier's 0.125 V/A?"
         ))
     })?;
@@ -206,7 +206,7 @@ fn check(pairs: &[[f64; 2]]) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Refused(
-        "measurement and reference do not rise together: is the reference's sign right, and does \
+        "measurement and reference do not increase together: is the reference's sign right, and does \
          it read this coil's current?"
             .to_owned(),
     ))
@@ -443,7 +443,7 @@ fn print(found: &CurrentCalibration<'_>) -> Result<(), Failure> {
         1e3 * found.worst_before_a,
         1e3 * found.worst_after_a
     )?;
-    Ok(writeln!(out, "The correction is in force.")?)
+    Ok(writeln!(out, "The correction is active.")?)
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
-    /// Where the step goes, A, of either sign. Otherwise what supply and settings allow
+    /// Current of the step, A, of either sign. Otherwise the greatest that supply and settings allow
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     to: Option<f64>,
     /// Folder for the plots step.svg and ramp.svg
@@ -119,8 +119,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Refused(
-        "the current does not follow as it should: see the plots; docs/firmware.md has what it \
-         should do, docs/faults.md what goes wrong"
+        "the current does not follow its setpoint within the limits: see the plots; docs/firmware.md \
+         has the limits, docs/faults.md the causes"
             .to_owned(),
     ))
 }
@@ -144,8 +144,8 @@ fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
         Outcome::Accepted => {}
         Outcome::NotCalibrated => {
             return Err(Failure::Refused(
-                "the board does not know its coil, and so not how hot it becomes: name its stack with \
-                 --stack, or calibrate it"
+                "the board has no data of its coil, and cannot limit its temperature: name its stack \
+                 with --stack, or calibrate it"
                     .to_owned(),
             ));
         }
@@ -173,8 +173,8 @@ fn destination(
         None => Ok((10.0 * allowed_a).floor() / 10.0),
         Some(to_a) if to_a.abs() <= allowed_a && to_a.abs() >= 1.0 => Ok(to_a),
         Some(to_a) => Err(Failure::Argument(format!(
-            "--to {to_a}: allowed are 1 to {allowed_a:.1} A of either sign, by the settings' peak \
-             current and by what {:.1} V push through {:.2} ohm",
+            "--to {to_a}: allowed are 1 to {allowed_a:.1} A of either sign, limited by the settings' \
+             peak current and by {:.1} V at {:.2} ohm",
             test.supply_v, test.resistance_ohm
         ))),
     }
@@ -210,8 +210,7 @@ fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
         left_s -= link::KEEP_ALIVE_S;
     }
     Err(Failure::Refused(
-        "the board did not send the whole record of the current: the probe loses records"
-            .to_owned(),
+        "the trace of the current is incomplete: the probe loses records".to_owned(),
     ))
 }
 

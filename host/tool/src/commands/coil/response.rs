@@ -187,7 +187,7 @@ impl Ramp {
         else {
             return Err(Failure::Refused(format!(
                 "the board reported {} conversions of the ramp from {from_a} to {to_a} A: set its \
-                 stream to samples and its rate to 1 kHz, and see that the probe loses no records",
+                 stream to samples and its rate to 1 kHz, and check that the probe loses no records",
                 points.len()
             )));
         };

@@ -80,7 +80,7 @@ impl Examination {
             unreadable: link.unreadable().wrapping_sub(before),
         };
         let hello = link.hello().cloned();
-        let hello = hello.ok_or_else(|| Failure::Lost("the board says nothing".to_owned()))?;
+        let hello = hello.ok_or_else(|| Failure::Lost("the board sends no `hello`".to_owned()))?;
         let mut found = Self {
             hello,
             status: None,

@@ -46,8 +46,8 @@ fn of_version(hello: &Hello) -> Option<Finding> {
         "Flash the image that belongs to this tool, or use the tool that belongs to the firmware";
     if hello.minor_version != MINOR_VERSION {
         let cause = format!(
-            "the firmware has version {VERSION}.{} of the protocol, and this tool {VERSION}.{MINOR_VERSION}: \
-             what only one of them has is not understood",
+            "the firmware has version {VERSION}.{} of the protocol, and this tool \
+             {VERSION}.{MINOR_VERSION}: what only one of them has does not work",
             hello.minor_version
         );
         return Some(Finding::new("other_minor_version", cause, action));
@@ -101,7 +101,7 @@ fn of_converter(which: &str, chip: Chip) -> Option<Finding> {
         Chip::Absent => Some(Finding::new(
             "converter_absent",
             "no converter answers at the first address",
-            "Check the converter's supply, SDA and SCL, and that ADDR is low; then start the board anew",
+            "Check the converter's supply, SDA and SCL, and that ADDR is low; then restart the board",
         )),
         Chip::Ldc131x => Some(Finding::new(
             "converter_unsupported",
@@ -110,7 +110,7 @@ fn of_converter(which: &str, chip: Chip) -> Option<Finding> {
         )),
         Chip::Foreign | Chip::Unknown(_) => Some(Finding::new(
             "converter_foreign",
-            format!("what answers at the {which} converter's address is no LDC161x"),
+            format!("the chip at the {which} converter's address is not an LDC161x"),
             "Check which part is fitted, and that nothing else on the bus has this address",
         )),
     }
@@ -147,7 +147,7 @@ fn of_flapping_fault((fault, times): &(Fault, u32)) -> Finding {
             meaning(fault.code),
         ),
         format!(
-            "See docs/faults.md, {}: what causes it comes and goes, as a loose contact does",
+            "See docs/faults.md, {}: its cause comes and goes, like a loose contact",
             fault.code
         ),
     )
@@ -156,7 +156,7 @@ fn of_flapping_fault((fault, times): &(Fault, u32)) -> Finding {
 fn earlier_fault() -> Finding {
     Finding::new(
         "earlier_fault",
-        "a fault stands that began before this program connected, so that it is not known which",
+        "a fault is active that began before this program connected; its code is unknown",
         "`palpate doctor --clear` clears it, names it, and says whether it comes again",
     )
 }
@@ -181,23 +181,24 @@ fn of_storage(storage: &Storage) -> Option<Finding> {
         StorageState::Damaged => Some(Finding::new(
             "storage_damaged",
             meaning(FaultCode::StorageDamaged),
-            "`palpate settings import FILE --store` brings an export back; without one calibrate again, with \
-             `palpate calibrate sensor`",
+            "`palpate settings import FILE --store` restores an export; without one calibrate again, \
+             with `palpate calibrate sensor`",
         )),
         StorageState::Newer => Some(Finding::new(
             "storage_newer",
-            "what is stored was stored by a later firmware, and this one cannot read it",
-            "Flash the later firmware again, or erase what is stored: `palpate settings erase`",
+            "a later firmware has stored the configuration, and this one cannot read it",
+            "Flash the later firmware again, or erase the stored configuration: `palpate settings \
+             erase`",
         )),
         StorageState::Unavailable | StorageState::Unknown(_) => Some(Finding::new(
             "storage_unavailable",
-            "the board's flash memory did not answer, so that nothing can be stored",
-            "Start the board anew; if it stays so, take another board",
+            "the board's flash memory did not answer, so nothing can be stored",
+            "Restart the board; if the fault remains, replace the board",
         )),
         StorageState::Whole if storage.refused_items > 0 => Some(Finding::new(
             "stored_refused",
             format!(
-                "{} of {} stored items are beyond what this board allows, and not in force",
+                "{} of {} stored items are beyond this board's limits, and not active",
                 storage.refused_items, storage.items
             ),
             "Compare `palpate settings get` with what you need, set it, and store: `palpate settings store`",
@@ -205,15 +206,15 @@ fn of_storage(storage: &Storage) -> Option<Finding> {
         StorageState::Whole if storage.unknown_items > 0 => Some(Finding::new(
             "stored_unknown",
             format!(
-                "{} of {} stored items are of another version of the firmware, and not in force",
+                "{} of {} stored items are of another version of the firmware, and not active",
                 storage.unknown_items, storage.items
             ),
             "Flash the firmware that stored them, or store again: `palpate settings store`",
         )),
         StorageState::Whole | StorageState::Empty if differs => Some(Finding::new(
             "not_stored",
-            "what is in force is not what is stored, and is lost with the power",
-            "Store it with `palpate settings store`, or start the board anew to be rid of it",
+            "the active configuration is not the stored one, and is lost at power-off",
+            "Store it with `palpate settings store`, or restart the board to discard it",
         )),
         StorageState::Whole | StorageState::Empty => None,
     }
@@ -227,10 +228,11 @@ fn of_calibration(found: &Examination) -> Option<Finding> {
     Some(Finding::new(
         "not_calibrated",
         format!(
-            "the board measures no stiffness without {}",
+            "the board cannot measure a stiffness without {}",
             missing.join(", ")
         ),
-        "Calibrate it with `palpate calibrate sensor`, or bring an export back with `palpate settings import`",
+        "Calibrate it with `palpate calibrate sensor`, or restore an export with `palpate settings \
+         import`",
     ))
 }
 
@@ -243,19 +245,22 @@ fn of_contact(sample: &Sample) -> Option<Finding> {
         Contact::Began | Contact::Held => Some(Finding::new(
             "touched",
             format!(
-                "something touches the sensor, by {:.0} µm, or its rest is no longer that of the calibration",
+                "something touches the sensor, by {:.0} µm, or its rest position has moved since the \
+                 calibration",
                 deformation_m * 1e6
             ),
-            "Lift what lies on the sensor. If nothing does, calibrate it with `palpate calibrate sensor`",
+            "Lift the object off the sensor. If there is none, calibrate it with `palpate calibrate \
+             sensor`",
         )),
         Contact::Settling => Some(Finding::new(
             "rest_moved",
             format!(
-                "the untouched sensor reads another frequency than at its calibration, {:.1} Hz, and deformations have no zero",
+                "the untouched sensor reads another frequency than at its calibration, {:.1} Hz, so \
+                 deformations have no valid zero",
                 channel.frequency_hz
             ),
-            "See that nothing of metal is near the sensor, and that it is mounted as on the bench; then calibrate it with \
-             `palpate calibrate sensor`",
+            "Check that no metal is near the sensor, and that it is mounted as on the bench; then \
+             calibrate it with `palpate calibrate sensor`",
         )),
         _ => None,
     }
@@ -271,8 +276,8 @@ fn of_losses(losses: Losses) -> Option<Finding> {
         return None;
     }
     let cause = format!(
-        "{missing} records are missing, of which the board dropped {dropped}; {unreadable} came damaged or \
-         were not understood"
+        "{missing} records are missing, of which the board dropped {dropped}; {unreadable} arrived \
+         damaged or are of an unknown kind"
     );
     let action = if dropped > 0 {
         "Send less: a greater `decimation`, fewer channels or a lower `rate_hz` with `palpate settings set`. \

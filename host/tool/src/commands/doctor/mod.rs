@@ -24,8 +24,8 @@ use crate::board::link::{self, Link};
 #[command(after_help = "\
 Prints each finding with its cause and what to do. Exit code 0 if nothing is wrong, 1 otherwise.
 
-A board reports a fault when it begins. One that began earlier is found to stand, and --clear finds out \
-which: it clears the fault, and says whether it comes again.
+A board reports a fault when it begins. Of one that began earlier only its presence is known; --clear \
+names it: it clears the fault, and reports whether it recurs.
 
 Examples:
   palpate doctor
@@ -33,7 +33,7 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
-    /// Clear the fault that stands, and see whether it comes again
+    /// Clear the active fault, and report whether it recurs
     #[arg(long)]
     clear: bool,
     /// Print JSON
@@ -116,7 +116,7 @@ fn print(report: &Report, json: bool) -> Result<(), Failure> {
         return Ok(writeln!(out, "{}", serde_json::to_string(report)?)?);
     }
     if let Some(code) = report.cleared {
-        writeln!(out, "{code} stood and was cleared.")?;
+        writeln!(out, "{code} was active and has been cleared.")?;
     }
     for finding in &report.findings {
         writeln!(out, "{}", finding.finding)?;

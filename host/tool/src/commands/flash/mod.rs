@@ -142,7 +142,8 @@ fn flash_drive(arguments: &Arguments, file: &Uf2) -> Result<Hello, Failure> {
     notice::say(format_args!("palpate: writing {}", drive.display()));
     drive::write(&drive, file.bytes()).map_err(|error| {
         Failure::Refused(format!(
-            "{}: {error}. The firmware is not complete, and the board stays in its boot loader: flash it again",
+            "{}: {error}. The firmware is incomplete, and the board stays in its boot loader: flash it \
+             again",
             drive.display()
         ))
     })?;
@@ -198,7 +199,7 @@ fn start_boot_loader(link: &mut Link) -> Result<(), Failure> {
     let kept = storage::inspect(link)?;
     if kept.stored_crc != kept.in_force_crc {
         notice::say(
-            "palpate: settings in force that are not stored are lost now; what is stored stays",
+            "palpate: active settings that are not stored are lost now; stored ones remain",
         );
     }
     let target = RebootTarget::BootLoader;
@@ -258,7 +259,7 @@ fn await_board(arguments: &link::Arguments) -> Result<Link, Failure> {
 
 fn identity(link: &Link) -> Result<Hello, Failure> {
     let hello = link.hello().cloned();
-    hello.ok_or_else(|| Failure::Lost("the board does not say who it is".to_owned()))
+    hello.ok_or_else(|| Failure::Lost("the board does not identify itself".to_owned()))
 }
 
 fn print(file: &Uf2, hello: &Hello, json: bool) -> Result<(), Failure> {

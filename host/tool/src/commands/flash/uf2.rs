@@ -88,7 +88,7 @@ fn check_block(block: &[u8], number: u32, count: u32) -> Result<(), String> {
     let word = |offset| word(block, offset).unwrap_or_default();
     let magic = [word(0), word(4), word(LAST_WORD)];
     if magic != [FIRST_MAGIC, SECOND_MAGIC, LAST_MAGIC] {
-        return Err("it does not begin and end as one of a UF2 file does".to_owned());
+        return Err("its magic numbers are not those of a UF2 file".to_owned());
     }
     if word(8) != HAS_FAMILY {
         return Err(format!(
@@ -122,13 +122,13 @@ fn check_address(address: u32, number: u32) -> Result<(), String> {
         } else {
             "which is not in the flash"
         };
-        return Err(format!("it belongs to {address:#010x}, {why}"));
+        return Err(format!("its address is {address:#010x}, {why}"));
     }
     let expected = FIRMWARE.start + number * PAYLOAD;
     if address != expected {
         return Err(format!(
-            "it belongs to {address:#010x}, where {expected:#010x} is next: the boot ROM erases the right \
-             sectors only for a file without gaps from the start of the flash (RP2040-E14)"
+            "its address is {address:#010x}, where {expected:#010x} is next: the boot ROM erases the \
+             right sectors only for a file without gaps from the start of the flash (RP2040-E14)"
         ));
     }
     Ok(())

@@ -14,10 +14,11 @@ const PORT: u16 = 7162;
 /// calibrates the emulated board.
 #[derive(Args)]
 #[command(after_help = "\
-Prints the page's address. Only browsers of this computer reach it, and only with the token that is in the \
-address; it stays the same from one start to the next. --open hands the browser a file that leads there, so \
-that no list of processes shows the token; a browser that may not read the file is given the address. Ctrl-C \
-ends it, and disarms a board that was armed here. A board that is unplugged or starts anew is waited for.
+Prints the page's address. Only browsers of this computer reach it, and only with the token that is in \
+the address; it stays the same from one start to the next. --open gives the browser a file that \
+redirects there, so that no list of processes shows the token; a browser that cannot read the file \
+needs the printed address. Ctrl-C ends it, and disarms a board that was armed here. The tool waits for \
+a board that is unplugged or restarts.
 
 Examples:
   palpate live

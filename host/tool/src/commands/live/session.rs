@@ -79,8 +79,8 @@ impl<'a> LiveSession<'a> {
             return Ok(());
         }
         Err(Failure::Refused(
-            "the page's server has ended, and so does this: a board that was armed here is disarmed. Start \
-             `palpate live` again"
+            "the page's server has stopped, so the tool ends: a board that was armed here is disarmed. \
+             Start `palpate live` again"
                 .to_owned(),
         ))
     }
@@ -177,10 +177,7 @@ impl<'a> LiveSession<'a> {
             Request::ClearFault(code) => self.clear(code),
             Request::Restart => {
                 let target = RebootTarget::Firmware;
-                self.command(
-                    &Command::Reboot(Reboot { target }),
-                    "The board starts anew.",
-                )
+                self.command(&Command::Reboot(Reboot { target }), "The board restarts.")
             }
             Request::Calibrate => self.calibrate(interrupt),
             Request::KeepCalibration => self.keep(),

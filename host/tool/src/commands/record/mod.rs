@@ -29,8 +29,8 @@ The file is MCAP, which public viewers open; `palpate info` says what is in one,
 makes CSV of it. Until it is complete, .partial follows its name; a program that is killed leaves that, \
 which can be read up to the last second.
 
-Ctrl-C ends the recording and completes the file; a second one ends the program at once. Records that \
-are lost are counted and said.
+Ctrl-C ends the recording and completes the file; a second one ends the program at once. Lost records \
+are counted and reported.
 
 Examples:
   palpate record press.mcap
@@ -42,15 +42,15 @@ pub(crate) struct Arguments {
     file: Option<PathBuf>,
     #[command(flatten)]
     link: link::Arguments,
-    /// How long. Otherwise until Ctrl-C
+    /// Duration. Otherwise until Ctrl-C
     #[arg(long = "for", value_name = "SECONDS", value_parser = quantity::duration, allow_negative_numbers = true)]
     duration: Option<Duration>,
     /// What the emulated board presses, again and again: a spring of this multiple of the sensing layer's
     /// nominal stiffness
     #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
     load: Option<f64>,
-    /// Arm the board, and measure at every contact: the coil is driven. The board learns anew what the
-    /// untouched sensor reads: lift off first
+    /// Arm the board, and measure at every contact: the coil is driven. The board measures the
+    /// untouched sensor again: lift off first
     #[arg(long)]
     arm: bool,
     /// Print JSON
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = finished?;
     if not_written > 0 {
         notice::say(format_args!(
-            "{not_written} records are lost, since the disk did not take them in time: record to a faster one."
+            "{not_written} records are lost, since the disk was too slow: record to a faster one."
         ));
     }
     let summary = Summary {

@@ -166,7 +166,7 @@ impl RecordingSession {
         }
         if had_lost == 0 && self.recorder.lost() > 0 {
             notice::say(
-                "The disk does not keep up: records are lost. Their number is said at the end.",
+                "The disk is too slow: records are lost. Their number is reported at the end.",
             );
         }
         asked.map(|()| true)

@@ -95,12 +95,12 @@ impl Agreement {
         let kinds = KINDS.iter().map(|(kind, words)| {
             let count = self.count(kind);
             format!(
-                "{words}: {} of {} the same to the bit",
+                "{words}: {} of {} identical to the bit",
                 count.identical, count.replayed
             )
         });
         let over = self.passed_over.iter();
-        let over = over.map(|(why, records)| format!("passed over: {records} records {why}"));
+        let over = over.map(|(why, records)| format!("skipped: {records} records {why}"));
         let difference = self.first_difference.as_ref().map(|of| {
             format!(
                 "first difference: {} {} of boot {:08x} at {:.6} s: {} is {}, replayed {}",

@@ -24,11 +24,11 @@ use crate::recording::{BOOT, Entry, Note, Reader};
 /// conversions by the firmware's own code, and compared with what the board sent, bit by bit.
 #[derive(Args)]
 #[command(after_help = "\
-A replay begins where the board has learnt the untouched sensor anew: after a release, or at the \
-beginning of a recording with --arm. It pauses where records are missing. What it passes over is counted \
+A replay begins where the board has measured the untouched sensor again: after a release, or at the \
+beginning of a recording with --arm. It pauses where records are missing. Skipped records are counted \
 with the reason.
 
-Exit code 1 if anything differs, of which the first is named, or nothing could be compared.
+Exit code 1 if anything differs (the first difference is named), or nothing could be compared.
 
 Examples:
   palpate replay press.mcap
@@ -75,13 +75,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     if differing.is_empty() {
         return Err(Failure::Refused(format!(
-            "{}: nothing of it could be compared. Record with --arm, from before the first touch",
+            "{}: nothing could be compared. Record with --arm, from before the first touch",
             passed_over.join(", ")
         )));
     }
     Err(Failure::Refused(format!(
-        "{}: the replay differs from what the board sent. The board has another version of the firmware \
-         than this tool, or a fault of its memory: compare the versions with `palpate info`",
+        "{}: the replay differs from what the board sent. The board's firmware has another version \
+         than this tool, or its memory is faulty: compare the versions with `palpate info`",
         differing.join(", ")
     )))
 }

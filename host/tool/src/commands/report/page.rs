@@ -29,7 +29,7 @@ pub(super) fn page(story: &RecordingSummary) -> Result<String, Failure> {
     Ok(document(
         &format!("palpate: {}", story.file),
         &html! {
-            h1 { "How stiff is what presses?" }
+            h1 { "Stiffness of the pressed objects" }
             p { (title(story)) }
             @for boot in story.contents.boots() { p { "Of " (boot.sentence()) "." } }
             @if story.measurements.is_empty() {

@@ -29,7 +29,7 @@ const LEAST_SLEEP: Duration = Duration::from_millis(1);
 #[derive(Args)]
 #[command(after_help = "\
 Bytes are those of the board's serial port: frames both ways, see docs/protocol.md. A program that \
-connects opens the port; a second one meanwhile gets a line of text that says so, and is sent away. \
+connects opens the port; a second one gets a line of text that says so, and is disconnected. \
 It ends with Ctrl-C, or after --for.
 
 Examples:
@@ -64,8 +64,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     {
         if !address.ip().is_loopback() && !arguments.allow_remote {
             return Err(Failure::Argument(format!(
-                "{address} can be reached from other machines, and any program there may drive the coil: \
-                 listen on 127.0.0.1, or add --allow-remote"
+                "{address} can be reached from other machines, and any program there can drive the \
+                 coil: listen on 127.0.0.1, or add --allow-remote"
             )));
         }
     }

@@ -115,7 +115,7 @@ impl Port {
         let is_http = before.is_some_and(|before| before.windows(HTTP.len()).any(|of| of == HTTP));
         if is_http || end.is_none() && opening.len() > LONGEST_OPENING {
             notice::say(
-                "A program that speaks HTTP, or no frames, was sent away: see docs/protocol.md.",
+                "A program that sent HTTP, or no frames, was disconnected: see docs/protocol.md.",
             );
             self.program = None;
             return Vec::new();

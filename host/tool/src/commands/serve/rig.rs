@@ -155,7 +155,8 @@ impl RigPort {
                     within(speed, SPEEDS_M_PER_S),
                 ) else {
                     return Ok(Some(format!(
-                        "error move takes a place within {FARTHEST_M} m and a speed of {:e} to {} m/s",
+                        "error move takes a position within {FARTHEST_M} m and a speed of {:e} to {} \
+                         m/s",
                         SPEEDS_M_PER_S.start(),
                         SPEEDS_M_PER_S.end()
                     )));
@@ -167,7 +168,7 @@ impl RigPort {
                 Some(specimen) => self.mount(specimen, board).map(Some),
                 None => Ok(Some("error no such specimen".to_owned())),
             },
-            _ => Ok(Some(format!("error {line:?} is no command"))),
+            _ => Ok(Some(format!("error {line:?} is not a command"))),
         }
     }
 

@@ -71,7 +71,7 @@ pub(super) fn import(
         configuration_crc: storage.in_force_crc,
         stored: storage.stored_crc == storage.in_force_crc,
     };
-    print(&line, "is in force from", json)
+    print(&line, "is active, from", json)
 }
 
 /// Reads the commands of a file, in the order of a configuration.
@@ -97,7 +97,7 @@ fn read(file: &Path) -> Result<Vec<Command>, Failure> {
         return Err(Failure::Input {
             file: file.to_path_buf(),
             line: 1,
-            problem: "no command is in it".to_owned(),
+            problem: "it has no command".to_owned(),
             allowed: "what `palpate settings export` writes".to_owned(),
         });
     }
@@ -117,14 +117,14 @@ fn put_in_force(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
     let besides = besides(&configuration::read(link)?, commands);
     Err(Failure::Refused(if besides.is_empty() {
         format!(
-            "the board has configuration {in_force_crc:08x} and the file {:08x}: the board rounds or leaves \
-             out what the file says. Export it anew",
+            "the board has configuration {in_force_crc:08x} and the file {:08x}: the board rounds or \
+             omits values of the file. Export it again",
             configuration_crc(commands)
         )
     } else {
         format!(
-            "the board has parts in force that the file does not have: {}. Erase what is stored \
-             (`palpate settings erase`), start the board anew, and import again",
+            "the board has active parts that the file does not have: {}. Erase the stored ones \
+             (`palpate settings erase`), restart the board, and import again",
             besides.join(", ")
         )
     }))
@@ -148,7 +148,7 @@ fn print(line: &SettingsFileLine, done: &str, json: bool) -> Result<(), Failure>
     let stored = if line.stored {
         "It is stored."
     } else {
-        "It is not stored: it is lost with the power."
+        "It is not stored: it is lost at power-off."
     };
     Ok(writeln!(
         out,

@@ -38,7 +38,7 @@ enum What {
     Import(Import),
 }
 
-/// Print all settings in force, and whether they are what is stored
+/// Print all active settings, and whether they are stored
 #[derive(Args)]
 #[command(after_help = "\
 Example:
@@ -54,7 +54,7 @@ struct Get {
 /// Change some settings; all others stay
 #[derive(Args)]
 #[command(after_help = "\
-The change is in force at once, and lost with the power unless it is stored. `palpate settings get` lists \
+The change is active at once, and lost at power-off unless it is stored. `palpate settings get` lists \
 names, units and what is allowed. Exit code 2 for a name or value that is not allowed, 1 if the board \
 refuses it.
 
@@ -66,7 +66,7 @@ struct Set {
     /// Settings with their new values
     #[arg(required = true, value_name = "NAME=VALUE", value_parser = change::assignment)]
     assignments: Vec<Assignment>,
-    /// Store what is in force afterwards
+    /// Store the active configuration afterwards
     #[arg(long)]
     store: bool,
     /// Print JSON
@@ -74,7 +74,7 @@ struct Set {
     json: bool,
 }
 
-/// Store settings and calibration in force, so that they outlive the power
+/// Store the active settings and calibration, so that they survive power-off
 #[derive(Args)]
 #[command(after_help = "\
 Example:
@@ -90,8 +90,8 @@ struct Store {
 /// Erase what is stored, the calibration included
 #[derive(Args)]
 #[command(after_help = "\
-What is in force stays so until the board starts anew. Export it first: an erased calibration cannot be \
-brought back.
+The active configuration stays until the board restarts. Export it first: an erased calibration cannot \
+be restored.
 
 Example:
   palpate settings export board.jsonl && palpate settings erase")]
@@ -106,11 +106,11 @@ struct Erase {
     json: bool,
 }
 
-/// Write settings and calibration in force to a file
+/// Write the active settings and calibration to a file
 #[derive(Args)]
 #[command(after_help = "\
-The file has a command on each line, as `palpate encode` takes them: the settings if any were set, each part \
-of the calibration that is in force, and its identity.
+The file has a command on each line, as `palpate encode` takes them: the settings if any were set, \
+each active part of the calibration, and its identity.
 
 Example:
   palpate settings export board.jsonl")]
@@ -125,11 +125,11 @@ struct Export {
     json: bool,
 }
 
-/// Put settings and calibration of a file in force
+/// Activate settings and calibration of a file
 #[derive(Args)]
 #[command(after_help = "\
-The board has to have exactly the file's configuration afterwards: its configuration_crc is compared. A part \
-that is in force and not in the file is named; erase, and start the board anew, to be rid of it.
+The board must have exactly the file's configuration afterwards: its configuration_crc is compared. An \
+active part that is not in the file is named; to remove it, erase and restart the board.
 
 Example:
   palpate settings import board.jsonl --store")]
@@ -139,7 +139,7 @@ struct Import {
     /// A file that `palpate settings export` has written
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Store what is in force afterwards
+    /// Store the active configuration afterwards
     #[arg(long)]
     store: bool,
     /// Print JSON
@@ -186,7 +186,7 @@ fn get(arguments: &Get) -> Result<(), Failure> {
     }
     let mut table = Table::new();
     table.load_style(NOTHING);
-    table.set_header(["setting", "in force", "unit", "allowed"]);
+    table.set_header(["setting", "active", "unit", "allowed"]);
     for field in change::fields() {
         table.add_row([
             field.name.to_owned(),
@@ -245,7 +245,7 @@ fn with_names(failure: Failure, assignments: &[Assignment]) -> Failure {
     let names: Vec<_> = assignments.iter().map(Assignment::name).collect();
     match failure {
         Failure::Refused(reason) => Failure::Refused(format!(
-            "{reason} To be changed were: {}. All settings are as before",
+            "{reason} Not changed: {}. All settings are as before",
             names.join(", ")
         )),
         other => other,
@@ -265,7 +265,7 @@ fn erase(arguments: &Erase) -> Result<(), Failure> {
     }
     let mut link = arguments.link.open()?;
     let question = format!(
-        "Erase settings and calibration that are stored in {}?",
+        "Erase the settings and calibration stored in {}?",
         link.name()
     );
     if !arguments.yes && !is_confirmed(&question)? {

@@ -27,8 +27,9 @@ use crate::interrupt::Interrupt;
 /// losses and faults, ten times a second.
 #[derive(Args)]
 #[command(after_help = "\
-Ctrl-C ends it, and disarms a board that it has armed. A board that is unplugged or starts anew is waited for. \
-Where standard output is no terminal, a view is printed every second; with --json, a line with what is known ten times a second.
+Ctrl-C ends it, and disarms a board that it has armed. The tool waits for a board that is unplugged or \
+restarts. Where standard output is no terminal, a view is printed every second; with --json, a line \
+with what is known ten times a second.
 
 Examples:
   palpate watch

@@ -95,7 +95,7 @@ impl View {
         let state = known.state.map_or("not known yet", |state| state.name());
         let armed = if known.armed { "armed" } else { "not armed" };
         let touch = match known.contact() {
-            None | Some(Contact::Settling) => "contact not known yet",
+            None | Some(Contact::Settling) => "contact unknown",
             Some(Contact::Clear | Contact::Ended) => "nothing touches",
             Some(_) => "touched",
         };

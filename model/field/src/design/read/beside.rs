@@ -66,7 +66,7 @@ impl Reader<'_> {
         if !is_file || bytes.len() as u64 > MOST_BYTES {
             let allowed = format!("a file of at most {MOST_BYTES} bytes");
             return Err(refuse(
-                format!("{file} is no plain file, or too large"),
+                format!("{file} is not a regular file, or too large"),
                 &allowed,
             ));
         }

@@ -311,7 +311,7 @@ impl<'t> Entity<'_, 't> {
     }
 
     fn not_understood(&self) -> DesignError {
-        let problem = format!("{:?} on this layer is not understood", self.name());
+        let problem = format!("{:?} on this layer is not supported", self.name());
         self.beside.error(self.line(), problem, UNDERSTOOD)
     }
 

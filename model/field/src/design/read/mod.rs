@@ -393,7 +393,7 @@ impl Reader<'_> {
             }
             _ => {
                 let place = format!("material.{name}");
-                Err(self.error(&entry.span(), &place, "is in no known form", MATERIALS))
+                Err(self.error(&entry.span(), &place, "has an unknown form", MATERIALS))
             }
         }
     }

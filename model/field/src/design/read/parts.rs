@@ -264,7 +264,7 @@ impl Reader<'_> {
                     semi_x_m: semi(semi_x, "semi_x")?,
                 })
             }
-            _ => Err(self.error(&entry.span(), place, "is in no known form", SHAPES)),
+            _ => Err(self.error(&entry.span(), place, "has an unknown form", SHAPES)),
         }
     }
 

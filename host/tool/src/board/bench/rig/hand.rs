@@ -36,8 +36,8 @@ impl RigBench<'_> {
                 Ok(())
             }
             None => Err(Failure::Refused(
-                "with neither a load cell nor a scale on the stage nothing gives the force: name the gauge's \
-                 program with --force, or use a stage with a scale, such as a micrometer"
+                "without a load cell and without a scale on the stage the force is unknown: name the \
+                 gauge's program with --force, or use a stage with a scale, such as a micrometer"
                     .to_owned(),
             )),
         }

@@ -163,8 +163,8 @@ impl<'l> RigBench<'l> {
         };
         if now_s - last_s > GAUGE_SILENT_S {
             return Err(Failure::Refused(format!(
-                "the program of --force has printed nothing for {GAUGE_SILENT_S:.0} s: see the load cell's \
-                 plug and port"
+                "the program of --force has printed nothing for {GAUGE_SILENT_S:.0} s: check the load \
+                 cell's plug and port"
             )));
         }
         Ok(())
@@ -202,7 +202,7 @@ impl<'l> RigBench<'l> {
     fn is_sending(&self) -> Result<(), Failure> {
         if self.link.now().saturating_sub(self.came) > SILENT {
             return Err(Failure::Lost(format!(
-                "{}: the board sends no samples: see its LED and its sensor",
+                "{}: the board sends no samples: check its LED and its sensor",
                 self.link.name()
             )));
         }
@@ -228,7 +228,7 @@ impl<'l> RigBench<'l> {
             match self.answers.pop() {
                 Some(GaugeLine::Refused(reason)) => {
                     return Err(Failure::Refused(format!(
-                        "the program of --stage does not {command}: {reason}"
+                        "the program of --stage failed at {command}: {reason}"
                     )));
                 }
                 Some(answer) => return Ok(answer),
@@ -282,7 +282,8 @@ impl<'l> RigBench<'l> {
             self.is_sending()?;
             if self.link.now() > end {
                 return Err(Failure::Refused(
-                    "the load cell of --force has sent no reading: see its plug, its port and its program"
+                    "the load cell of --force has sent no reading: check its plug, its port and its \
+                     program"
                         .into(),
                 ));
             }

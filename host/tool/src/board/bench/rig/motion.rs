@@ -103,8 +103,8 @@ impl RigBench<'_> {
         if self.pressed != Pressed::Nothing {
             self.mount(
                 "bare",
-                "Take the sensor away, put a block of metal in its place and one on the stage, and lower the \
-                 stage until they all but touch",
+                "Take the sensor away, put a block of metal in its place and one on the stage, and \
+                 lower the stage until they almost touch",
             )?;
             self.pressed = Pressed::Nothing;
             self.begin()?;
@@ -121,7 +121,7 @@ impl RigBench<'_> {
             }
         }
         Err(Failure::Refused(format!(
-            "block on block, the stage has moved {:.1} mm without {force_n:.0} N: see that they touch",
+            "block on block, the stage has moved {:.1} mm without {force_n:.0} N: check that they touch",
             1e3 * BARE_M
         )))
     }
@@ -137,7 +137,7 @@ impl RigBench<'_> {
         match means {
             (Some(force_n), Some(stage_m)) => Ok((force_n, stage_m)),
             _ => Err(Failure::Refused(
-                "block on block, a gauge prints nothing: see its program".to_owned(),
+                "block on block, a gauge prints nothing: check its program".to_owned(),
             )),
         }
     }

@@ -83,7 +83,7 @@ impl Source for OpenScale {
     fn lines(&mut self) -> Result<Vec<GaugeLine>, Failure> {
         self.read().map_err(|error| {
             Failure::Refused(format!(
-                "the OpenScale at {} is gone ({error}): see its cable and plug it in again",
+                "the OpenScale at {} was disconnected ({error}): check its cable and plug it in again",
                 self.name
             ))
         })?;
@@ -102,7 +102,8 @@ impl Source for OpenScale {
         }
         if self.received.len() as u64 > LONGEST_LINE {
             return Err(Failure::Refused(format!(
-                "the OpenScale at {} sends no line's end: name its rate, as openscale:PORT:BAUD, if it is not {BAUD}",
+                "the OpenScale at {} sends no end of line: name its rate, as openscale:PORT:BAUD, if \
+                 it is not {BAUD}",
                 self.name
             )));
         }
@@ -217,7 +218,7 @@ mod tests {
             open.lines().err()
         });
         let said = refused.map(|failure| failure.to_string());
-        assert!(said.unwrap_or_default().contains("no line's end"));
+        assert!(said.unwrap_or_default().contains("no end of line"));
     }
 
     #[cfg(unix)]

@@ -35,7 +35,7 @@ impl Person {
             Some(Ok(answer)) => Ok(Some(answer.trim().to_owned())),
             Some(Err(TryRecvError::Empty)) | None => Ok(None),
             Some(Err(TryRecvError::Disconnected)) => Err(Failure::Refused(
-                "the calibration was ended at its terminal".to_owned(),
+                "the calibration was cancelled at the terminal".to_owned(),
             )),
         }
     }
@@ -50,8 +50,8 @@ pub(super) fn is_there() -> bool {
 fn listen(request: &str) -> Result<Receiver<String>, Failure> {
     if !is_there() {
         return Err(Failure::Argument(format!(
-            "standard input is no terminal, so that this cannot be asked: {request} Run it at a terminal, or \
-             name a stage's program that changes specimens (docs/calibration.md)"
+            "standard input is not a terminal, so the tool cannot ask: {request} Run it at a terminal, \
+             or name a stage's program that changes specimens (docs/calibration.md)"
         )));
     }
     let (sender, answers) = channel();

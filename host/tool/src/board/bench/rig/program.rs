@@ -130,12 +130,12 @@ impl Program {
             match self.child.try_wait() {
                 Ok(Some(status)) => break format!("has ended ({status})"),
                 Ok(None) if Instant::now() < end => thread::sleep(POLL),
-                Ok(None) => break "has closed its output, and runs on".to_owned(),
+                Ok(None) => break "has closed its output and is still running".to_owned(),
                 Err(error) => break format!("has closed its output ({error})"),
             }
         };
         Failure::Refused(format!(
-            "the program of {} {outcome}: see its message, its cable and its port",
+            "the program of {} {outcome}: read its message, check its cable and its port",
             self.argument
         ))
     }

@@ -58,7 +58,7 @@ export class Calibration {
       for (const bar of fields("progress")) [bar.max, bar.value] = [runs, run - 1];
     }
     if (figures) {
-      set("kept", `Calibration ${figures.calibration_id} is in force, and stored.`);
+      set("kept", `Calibration ${figures.calibration_id} is active and stored.`);
       fields("figures").forEach((table) => table.replaceChildren(...rows(figures)));
     }
   }
