@@ -1,7 +1,5 @@
 //! The command line.
 
-use std::path::PathBuf;
-
 use clap::{Parser, Subcommand};
 
 /// Development tasks of palpate.
@@ -35,28 +33,6 @@ pub(crate) enum Verb {
     Evidence {
         /// Name of the campaign
         name: Option<String>,
-    },
-    /// Search the best field designs for each power, and press with one of them; writes
-    /// docs/images/field-front.svg
-    FieldFront {
-        /// Number of sensors of each design
-        #[arg(long, default_value_t = 30)]
-        plants: u32,
-        /// Seed of the first sensor
-        #[arg(long, default_value_t = 1)]
-        seed: u32,
-    },
-    /// Compare the field solver with NGSolve and GetDP, which it installs, and print the result
-    FieldPeers {
-        /// A Python with NGSolve, instead of a new virtual environment
-        #[arg(long, value_name = "FILE")]
-        python: Option<PathBuf>,
-        /// Run only this case and print the result
-        #[arg(long, value_name = "NAME")]
-        case: Option<String>,
-        /// Print only the times against the fastest deck of NGSolve
-        #[arg(long)]
-        lean: bool,
     },
     /// Build the firmware image into target/image, and check its size against its budget
     Firmware {

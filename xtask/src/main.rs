@@ -6,8 +6,6 @@
 //! | `ci` | everything a change has to pass: the tests, then the checks |
 //! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
-//! | `field-front` | the best field designs for each power, and the benefit of one |
-//! | `field-peers` | the field solver against NGSolve and GetDP, which it installs |
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and print its size |
 //! | `planted-defects` | plant each defect of a list and run the tests that must find it |
 //! | `bench-image` | run the image on the emulated board and write its cost into the book |
@@ -22,8 +20,6 @@ mod arguments;
 mod book;
 mod deps;
 mod evidence;
-mod field_front;
-mod field_peers;
 mod firmware;
 mod fuzz;
 mod gate;
@@ -40,7 +36,6 @@ mod release;
 mod repository;
 mod setup;
 mod steps;
-mod tool;
 
 use std::process::ExitCode;
 
@@ -74,10 +69,6 @@ fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
         Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
-        Verb::FieldFront { plants, seed } => field_front::run(&workspace, plants, seed),
-        Verb::FieldPeers { python, case, lean } => {
-            field_peers::compare(&workspace, python, case.as_deref(), lean)
-        }
         Verb::Firmware { planted: None } => firmware::make(&workspace),
         Verb::Firmware {
             planted: Some(defect),

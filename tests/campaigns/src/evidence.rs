@@ -4,9 +4,14 @@ use std::process::ExitCode;
 
 use palpate_cli::evidence::{BEGIN, END};
 
+/// Prints `markdown` between the marker lines.
+pub(crate) fn print(markdown: &str) {
+    println!("{BEGIN}\n{}\n{END}", markdown.trim_end());
+}
+
 /// Prints `markdown` between the marker lines and turns the claim into an exit code.
 pub(crate) fn conclude(markdown: &str, holds: bool) -> ExitCode {
-    println!("{BEGIN}\n{}\n{END}", markdown.trim_end());
+    print(markdown);
     if holds {
         ExitCode::SUCCESS
     } else {

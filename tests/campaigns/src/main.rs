@@ -9,6 +9,8 @@ mod efficiency;
 mod evidence;
 mod fault_schedules;
 mod field_accuracy;
+mod field_front;
+mod field_peers;
 mod hostile_bytes;
 mod image;
 mod misfit;
@@ -44,6 +46,9 @@ enum Campaign {
     FaultSchedules(fault_schedules::Arguments),
     /// The field solver on every built-in design: estimated against true errors
     FieldAccuracy,
+    FieldFront(field_front::Arguments),
+    /// The field solver beside NGSolve and GetDP, which it installs: agreement and time
+    FieldPeers,
     HostileBytes(hostile_bytes::Arguments),
     ImageCost(image::cost::Arguments),
     /// Faults of bus and converter and crashes in mid-ramp, on the image
@@ -77,6 +82,8 @@ fn main() -> ExitCode {
         Campaign::Efficiency(arguments) => failure::exit(efficiency::run(&arguments)),
         Campaign::FaultSchedules(arguments) => fault_schedules::run(&arguments),
         Campaign::FieldAccuracy => field_accuracy::run(),
+        Campaign::FieldFront(arguments) => failure::exit(field_front::run(&arguments)),
+        Campaign::FieldPeers => failure::exit(field_peers::run()),
         Campaign::HostileBytes(arguments) => hostile_bytes::run(&arguments),
         Campaign::ImageCost(arguments) => failure::exit(image::cost::run(&arguments)),
         Campaign::ImageFaults => image::faults::run(),

@@ -3,7 +3,7 @@
 use std::env;
 use std::fs;
 use std::path::PathBuf;
-use std::process::{self, Command, Output};
+use std::process::{self, Command};
 
 use palpate_cli::failure::Failure;
 use serde::de::DeserializeOwned;
@@ -56,28 +56,13 @@ impl Tool {
             .collect()
     }
 
-    /// Command that runs a verb.
-    pub(crate) fn command(&self, arguments: &[&str]) -> Result<Command, Failure> {
-        let mut command = Command::new(env::current_exe()?);
-        command.arg(TOOL).args(arguments);
-        Ok(command)
-    }
-
     /// Runs a verb on a board, which must succeed, and reads the last printed line.
     pub(crate) fn ask<T: DeserializeOwned>(
         &self,
         arguments: &[&str],
         board: &[String],
     ) -> Result<T, Failure> {
-        let output = self
-            .command(arguments)?
-            .args(board)
-            .arg("--json")
-            .output()?;
-        if !output.status.success() {
-            return Err(failed(arguments, &output));
-        }
-        let text = String::from_utf8_lossy(&output.stdout);
+        let text = printed(command(arguments)?.args(board).arg("--json"))?;
         Ok(serde_json::from_str(
             text.lines().last().unwrap_or_default(),
         )?)
@@ -91,8 +76,21 @@ impl Drop for Tool {
     }
 }
 
-fn failed(arguments: &[&str], output: &Output) -> Failure {
-    let reason = String::from_utf8_lossy(&output.stderr);
-    let verb = arguments.join(" ");
-    Failure::Refused(format!("palpate {verb}: {}", reason.trim()))
+/// Command that runs a verb of the tool in a process of its own.
+pub(crate) fn command(arguments: &[&str]) -> Result<Command, Failure> {
+    let mut command = Command::new(env::current_exe()?);
+    command.arg(TOOL).args(arguments);
+    Ok(command)
+}
+
+/// Runs a program, which must succeed, and returns what it prints.
+pub(crate) fn printed(command: &mut Command) -> Result<String, Failure> {
+    let output = command
+        .output()
+        .map_err(|error| Failure::Refused(format!("{command:?} cannot be started: {error}")))?;
+    if !output.status.success() {
+        let reason = String::from_utf8_lossy(&output.stderr);
+        return Err(Failure::Refused(format!("{command:?}: {}", reason.trim())));
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }

@@ -87,7 +87,7 @@ const FRONT: &[&str] = &[
     "host",
     "model",
     "sim-host/src",
-    "xtask/src/field_front.rs",
+    "tests/campaigns/src/field_front.rs",
 ];
 /// Code of the firmware's image on the emulated board.
 const IMAGE: &[&str] = &[
@@ -242,14 +242,14 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "field-front",
         claim: "The best design of the field for each power, and what one of them is worth where stiffness is measured.",
-        command: "xtask field-front --plants 30 --seed 1",
+        command: "campaign field-front --plants 30 --seed 1",
         rests_on: FRONT,
     },
     Campaign {
         name: "field-peers",
         claim: "The field solver beside NGSolve and GetDP: agreement and time.",
-        command: "xtask field-peers",
-        rests_on: &["model/field/src", "xtask/src/field_peers"],
+        command: "campaign field-peers",
+        rests_on: &["model/field/src", "tests/campaigns/src/field_peers"],
     },
     Campaign {
         name: "planted-defects",

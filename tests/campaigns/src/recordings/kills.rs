@@ -12,7 +12,7 @@ use palpate_sim::random::Stream;
 
 use super::found;
 use super::part::Part;
-use crate::tool::Tool;
+use crate::tool::{self, Tool};
 
 /// Longest time from the file's creation to the kill, s.
 const LATEST_S: f64 = 4.0;
@@ -73,7 +73,7 @@ pub(super) fn run(tool: &Tool, kills: u32, seed: u64) -> Result<Part, Failure> {
 fn serve(tool: &Tool) -> Result<(Running, String), Failure> {
     let (flash, image) = (tool.name("served.flash"), tool.image());
     let serve = ["serve-emulated", "--listen", "127.0.0.1:0"];
-    let mut command = tool.command(&serve)?;
+    let mut command = tool::command(&serve)?;
     let command = command.args(["--state", &flash, "--image", &image]);
     let mut child = command.stderr(Stdio::piped()).spawn()?;
     let said = child.stderr.take();
@@ -93,7 +93,7 @@ fn serve(tool: &Tool) -> Result<(Running, String), Failure> {
 
 fn kill(tool: &Tool, address: &str, number: u32, after: Duration) -> Result<Left, Failure> {
     let name = tool.name(&format!("killed-{number}.mcap"));
-    let mut command = tool.command(&["record", &name, "--board", address])?;
+    let mut command = tool::command(&["record", &name, "--board", address])?;
     let program = command
         .stderr(Stdio::null())
         .stdout(Stdio::null())

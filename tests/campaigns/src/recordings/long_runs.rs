@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::found;
 use super::part::Part;
-use crate::tool::Tool;
+use crate::tool::{self, Tool};
 
 /// Recordings: name and settings. The emulated board has one sensor: the other channels convert
 /// nothing, but are sent all the same.
@@ -89,6 +89,6 @@ fn start(tool: &Tool, place: usize, settings: [&str; 2], seconds: f64) -> Result
     let set = [&["settings", "set", "--store"], &settings[..]].concat();
     let _: Value = tool.ask(&set, &board)?;
     let (file, seconds) = (tool.name(&file(place)), seconds.to_string());
-    let mut command = tool.command(&["record", &file, "--json", "--for", &seconds])?;
+    let mut command = tool::command(&["record", &file, "--json", "--for", &seconds])?;
     Ok(command.args(&board).stdout(Stdio::piped()).spawn()?)
 }

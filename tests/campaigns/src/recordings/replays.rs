@@ -16,7 +16,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::part::Part;
-use crate::tool::Tool;
+use crate::tool::{self, Tool};
 
 /// Stack of the boards: the default of emulated boards.
 const STACK: &str = "ultrasoft";
@@ -148,6 +148,6 @@ fn replayed(
     let record = ["record", &file, "--arm", "--load", load, "--for", SECONDS];
     let _: Value = tool.ask(&record, &board)?;
     // A difference is exit code 1, and the result is still printed.
-    let output = tool.command(&["replay", &file, "--json"])?.output()?;
+    let output = tool::command(&["replay", &file, "--json"])?.output()?;
     Ok(serde_json::from_slice(&output.stdout)?)
 }

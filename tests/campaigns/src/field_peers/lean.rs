@@ -1,14 +1,13 @@
 //! Time to 1e-4 on the core's mean field, against the fastest deck of NGSolve: NGSolve's triangle
 //! sizes are chosen for each case with the answer known, then both programs run alternately.
 
-use anyhow::{Context, Result};
+use palpate_cli::failure::Failure;
 use serde_json::{Value, json};
 
-use super::bench::{PeerBench, number, ours, text};
-use super::cases::Case;
+use super::bench::{PeerBench, number};
+use super::cases::{CASES, Case};
 use super::page::range;
-use super::result::{EQUAL, PeerResult};
-use crate::process::Invocation;
+use super::result::EQUAL;
 
 /// Cases of the table.
 const NAMES: [&str; 6] = ["A", "A10", "B1", "C1in", "backplates", "pot"];
@@ -46,10 +45,9 @@ struct Median {
 }
 
 /// Range of the ratio of palpate's times to NGSolve's, and the table.
-pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<(String, String)> {
-    bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
+pub(super) fn table(bench: &PeerBench) -> Result<(String, String), Failure> {
     let mut rows = Vec::new();
-    for case in cases.iter().filter(|case| NAMES.contains(&case.name)) {
+    for case in CASES.iter().filter(|case| NAMES.contains(&case.name)) {
         let row = row(bench, case)?;
         println!("{}", row.line());
         rows.push(row);
@@ -62,7 +60,7 @@ pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<(String, St
     Ok((range(&ratios.collect::<Vec<_>>()), render(&rows)))
 }
 
-fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
+fn row(bench: &PeerBench, case: &Case) -> Result<Row, Failure> {
     let truth = bench
         .palpate(case, &["--accuracy", "3e-6", "--order", "4"])?
         .core_mean_t;
@@ -73,7 +71,7 @@ fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
     let mut own = Vec::new();
     let mut others = [Vec::new(), Vec::new()];
     for _ in 0..RUNS {
-        own.push(once(bench, case)?);
+        own.push(bench.palpate_once(case, &[])?);
         for (setting, runs) in chosen.iter().zip(&mut others) {
             if let Some(setting) = setting {
                 runs.extend(deck(bench, case, std::slice::from_ref(setting))?);
@@ -95,20 +93,9 @@ fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
     let [first, second] = others;
     Ok(Row {
         case: *case,
-        ours: median(&own).context("no run")?,
+        ours: median(&own).ok_or_else(|| Failure::refused("no run"))?,
         peers: [peer((a, first)), peer((b, second))],
     })
-}
-
-/// One run of palpate, as a user calls it.
-fn once(bench: &PeerBench<'_>, case: &Case) -> Result<PeerResult> {
-    let current = case.current_a().to_string();
-    let mut command = vec![&*bench.palpate, "field", "solve", case.name, "--json"];
-    if case.saturates {
-        command.extend(["--current", &current]);
-    }
-    let (printed, usage) = bench.measured(&command)?;
-    ours(case, &serde_json::from_str(&printed)?, &usage)
 }
 
 /// A setting of the deck with its result.
@@ -120,7 +107,12 @@ struct Tried {
 }
 
 /// Quickest setting of the deck with a result within [`EQUAL`] of `truth`.
-fn choose(bench: &PeerBench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Result<Option<Value>> {
+fn choose(
+    bench: &PeerBench,
+    case: &Case,
+    mesher: Mesher,
+    truth: f64,
+) -> Result<Option<Value>, Failure> {
     let good = |tried: &Tried| (tried.core_mean_t / truth - 1.0).abs() <= EQUAL;
     let mut tried = deck(bench, case, &settings(case, mesher))?;
     tried.retain(good);
@@ -180,16 +172,13 @@ fn settings(case: &Case, mesher: Mesher) -> Vec<Value> {
 }
 
 /// Runs the deck with these settings.
-fn deck(bench: &PeerBench<'_>, case: &Case, settings: &[Value]) -> Result<Vec<Tried>> {
+fn deck(bench: &PeerBench, case: &Case, settings: &[Value]) -> Result<Vec<Tried>, Failure> {
     let mut problem = case.json(&[]);
     problem["settings"] = json!(settings);
     let file = bench.write("lean.json", &serde_json::to_string(&problem)?)?;
-    let script = text(&bench.folder.join("lean_with_ngsolve.py"))?;
-    let printed = bench
-        .workspace
-        .output(&Invocation::new(&bench.python, &[&script, &file]))?;
+    let printed = bench.script("lean_with_ngsolve.py", &[&file])?;
     let results = printed.lines().filter(|line| line.starts_with('{'));
-    let read = |line: &str| -> Result<Tried> {
+    let read = |line: &str| -> Result<Tried, Failure> {
         let mut result: Value = serde_json::from_str(line)?;
         Ok(Tried {
             wall_s: number(&result, "wall_s")?,
@@ -234,7 +223,7 @@ impl Row {
 
 fn render(rows: &[Row]) -> String {
     let mut text = format!(
-        "Beside the leanest deck of NGSolve, `xtask/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
+        "Beside the leanest deck of NGSolve, `tests/campaigns/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
          the core. For each case and each of netgen's two ways to make triangles the quickest of some settings (order, \
          sizes) within 1e-4 of the truth is chosen, with one thread or two. Then {RUNS} runs of each program in turns, every one \
          a process of its own; medians. NGSolve without the import of its libraries; ours is the whole program from its \
