@@ -27,8 +27,6 @@ pub(crate) enum Verb {
         #[arg(long, value_name = "STEP")]
         only: Vec<String>,
     },
-    /// Check the direction of dependencies between the workspace's crates
-    Deps,
     /// Run a long campaign and keep its result in docs/evidence; without a name, list them
     Evidence {
         /// Name of the campaign

@@ -1,14 +1,15 @@
-//! The gate: its steps, made from the table in [`crate::members`].
+//! The gate: its steps, made from the lists in [`crate::members`].
 
 use anyhow::Result;
 
 use crate::members::{
-    ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, RunsOn, host_packages, no_std,
+    ARM_TARGETS, FIRMWARE, FIRMWARE_TARGET, MCU_EXAMPLES, NO_STD, PUBLISHED, TESTED_FEATURES,
 };
-use crate::process::Invocation;
+use crate::metadata::{self, Package};
+use crate::process::{Invocation, Workspace};
 use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
+use crate::{book, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
 
 /// The test suite: every crate with its default features and with those that have their own tests.
 pub(crate) fn test_steps() -> Vec<Step> {
@@ -45,28 +46,14 @@ fn long_tests() -> Step {
     }
 }
 
+/// Arguments that select every crate that a PC can build.
+const HOST_PACKAGES: &[&str] = &["--workspace", "--exclude", FIRMWARE];
+
 /// Tests of every crate for the host. All use the same features, so each crate is built once.
 /// Examples are left out: `clippy` checks them.
 fn tests(rest: &[&str]) -> Invocation {
-    let features = tested_features();
-    let packages = host_packages();
-    let arguments = [
-        &["test", "--locked"],
-        packages.as_slice(),
-        &["--features", &features],
-        rest,
-    ];
-    Invocation::cargo(&arguments.concat())
-}
-
-/// Features that have their own tests, as cargo's argument.
-pub(crate) fn tested_features() -> String {
-    let of = |member: &Member| {
-        let name = member.name;
-        let features = member.tested_features.iter();
-        features.map(move |feature| format!("{name}/{feature}"))
-    };
-    MEMBERS.iter().flat_map(of).collect::<Vec<_>>().join(",")
+    let features = ["--features", TESTED_FEATURES];
+    Invocation::cargo(&[&["test", "--locked"], HOST_PACKAGES, &features, rest].concat())
 }
 
 /// Steps of `cargo xtask ci`: all of them, or those in `only`. Steps that install external programs
@@ -99,9 +86,9 @@ fn source_checks() -> Vec<Step> {
         Step {
             name: "deps",
             purpose: "dependencies point the way the design says",
-            needs: Vec::new(),
-            action: Action::Check(deps::check_workspace),
-            remedy: "remove the dependency or move the code; the rules stand in xtask/src/deps",
+            needs: vec![Need::Tool(&CARGO_DENY)],
+            action: commands(&["deny", "--locked", "check", "-D", "unused-wrapper", "bans"]),
+            remedy: "remove the dependency or move the code; the rules stand in deny.toml",
         },
         Step {
             name: "hygiene",
@@ -149,9 +136,9 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "licences",
-            purpose: "licences, sources and bans of every dependency",
+            purpose: "licences and sources of every dependency",
             needs: vec![Need::Tool(&CARGO_DENY)],
-            action: commands(&["deny", "--locked", "check", "bans", "licenses", "sources"]),
+            action: commands(&["deny", "--locked", "check", "licenses", "sources"]),
             remedy: "replace the dependency, or allow its licence in deny.toml with a reason",
         },
     ]
@@ -159,10 +146,8 @@ fn source_checks() -> Vec<Step> {
 
 /// Checks of the code compiled for a PC.
 fn host_checks() -> Vec<Step> {
-    let packages = host_packages();
-    let all_of = |verb: &[&str], rest: &[&str]| {
-        Invocation::cargo(&[verb, packages.as_slice(), rest].concat())
-    };
+    let all_of =
+        |verb: &[&str], rest: &[&str]| Invocation::cargo(&[verb, HOST_PACKAGES, rest].concat());
     vec![
         Step {
             name: "clippy",
@@ -178,7 +163,7 @@ fn host_checks() -> Vec<Step> {
             name: "features",
             purpose: "lints of every library and program with every set of features",
             needs: Vec::new(),
-            action: Action::Commands(MEMBERS.iter().flat_map(feature_sets).collect()),
+            action: Action::Check(check_features),
             remedy: "fix the `cfg` that the named features break",
         },
         Step {
@@ -203,8 +188,7 @@ fn arm_checks() -> Vec<Step> {
             purpose: "lints of the no_std crates on the microcontroller targets",
             needs: targets().collect(),
             action: Action::Commands(
-                on_every_target(|member, target| vec![clippy_for(member, target)])
-                    .into_iter()
+                on_every_target("clippy", &["--all-features", "--", "-D", "warnings"])
                     .chain([clippy_for_firmware()])
                     .collect(),
             ),
@@ -214,7 +198,12 @@ fn arm_checks() -> Vec<Step> {
             name: "no-std",
             purpose: "the no_std crates build where there is no standard library",
             needs: targets().collect(),
-            action: Action::Commands(on_every_target(builds_for)),
+            // Each is its own command: in one, a dependency would get the features requested by any crate.
+            action: Action::Commands(
+                on_every_target("build", &["--no-default-features"])
+                    .chain(on_every_target("build", &["--all-features"]))
+                    .collect(),
+            ),
             remedy: "use `core` instead of `std`, and turn off the dependency's default features",
         },
         Step {
@@ -229,7 +218,7 @@ fn arm_checks() -> Vec<Step> {
             name: "mcu-examples",
             purpose: "the examples for a microcontroller build and link",
             needs: targets().collect(),
-            action: Action::Commands(MEMBERS.iter().flat_map(mcu_examples).collect()),
+            action: Action::Commands(MCU_EXAMPLES.iter().map(mcu_example).collect()),
             remedy: "fix the example; the table of examples is xtask/src/members.rs",
         },
         Step {
@@ -268,9 +257,7 @@ fn fuzzing() -> Step {
 fn packaging() -> Step {
     let mut arguments = vec!["publish", "--dry-run", "--allow-dirty"];
     arguments.extend(["--locked", "--all-features"]);
-    for member in MEMBERS.iter().filter(|member| member.published) {
-        arguments.extend(["--package", member.name]);
-    }
+    arguments.extend(PUBLISHED.iter().flat_map(|package| ["--package", package]));
     Step {
         name: "package",
         purpose: "the published crates build from their own packages",
@@ -286,94 +273,77 @@ fn commands(arguments: &[&str]) -> Action {
     Action::Commands(vec![Invocation::cargo(arguments)])
 }
 
+/// Lints of each library and program with every set of its features.
+fn check_features(workspace: &Workspace) -> Result<String> {
+    let packages = metadata::packages(workspace)?;
+    let sets: Vec<_> = packages.iter().flat_map(feature_sets).collect();
+    sets.iter().try_for_each(|lints| workspace.run(lints))?;
+    Ok(format!(
+        "{} sets of features are free of warnings",
+        sets.len()
+    ))
+}
+
 /// Lints of a crate with each set of its features: none, each alone, and all.
-fn feature_sets(member: &Member) -> Vec<Invocation> {
-    let base = ["clippy", "--locked", "--package", member.name];
-    let denied = ["--", "-D", "warnings"];
-    let run =
-        |rest: &[&str]| Invocation::cargo(&[base.as_slice(), rest, denied.as_slice()].concat());
-    let alone = |feature: &&str| run(&["--no-default-features", "--features", feature]);
-    match member.features {
-        [] => Vec::new(),
-        [only] => vec![run(&["--no-default-features"]), alone(only)],
-        features => std::iter::once(run(&["--no-default-features"]))
-            .chain(features.iter().map(alone))
-            .chain([run(&["--all-features"])])
-            .collect(),
+fn feature_sets(package: &Package) -> Vec<Invocation> {
+    let base = ["clippy", "--locked", "--package", &package.name];
+    let run = |rest: &[&str]| Invocation::cargo(&[&base, rest, &["--", "-D", "warnings"]].concat());
+    let features = package.features.keys().filter(|name| *name != "default");
+    let alone = features.map(|name| run(&["--no-default-features", "--features", name]));
+    let mut sets: Vec<_> = alone.collect();
+    if !sets.is_empty() {
+        sets.insert(0, run(&["--no-default-features"]));
     }
+    if sets.len() > 2 {
+        sets.push(run(&["--all-features"]));
+    }
+    sets
 }
 
-/// Commands for each pair of a `no_std` crate and a target.
-fn on_every_target(make: impl Fn(&Member, &'static str) -> Vec<Invocation>) -> Vec<Invocation> {
-    no_std()
-        .flat_map(|member| ARM_TARGETS.iter().map(move |&target| (member, target)))
-        .flat_map(|(member, target)| make(member, target))
-        .collect()
-}
-
-/// Lints of one library with all its features.
-fn clippy_for(member: &Member, target: &str) -> Invocation {
-    let mut arguments = library("clippy", member, target);
-    arguments.extend(["--all-features", "--", "-D", "warnings"]);
-    Invocation::cargo(&arguments)
+/// Commands for each pair of a `no_std` library and a target.
+fn on_every_target(verb: &str, rest: &[&str]) -> impl Iterator<Item = Invocation> {
+    let pairs = NO_STD
+        .iter()
+        .flat_map(|package| ARM_TARGETS.iter().map(move |target| (package, target)));
+    pairs.map(move |(package, target)| {
+        let library = [
+            verb,
+            "--locked",
+            "--package",
+            package,
+            "--lib",
+            "--target",
+            target,
+        ];
+        Invocation::cargo(&[&library, rest].concat())
+    })
 }
 
 /// Lints of the firmware, which has one target only.
 fn clippy_for_firmware() -> Invocation {
-    let mut arguments = vec!["clippy", "--locked", "--package", "palpate-firmware"];
+    let mut arguments = vec!["clippy", "--locked", "--package", FIRMWARE];
     arguments.extend(["--target", FIRMWARE_TARGET, "--", "-D", "warnings"]);
     Invocation::cargo(&arguments)
 }
 
-/// Builds of one library, without and with its features. Each is its own command: in one command, a
-/// dependency would get the features requested by any of the crates.
-fn builds_for(member: &Member, target: &str) -> Vec<Invocation> {
-    let mut builds = Vec::new();
-    for features in ["--no-default-features", "--all-features"] {
-        let mut arguments = library("build", member, target);
-        arguments.push(features);
-        builds.push(Invocation::cargo(&arguments));
-        if member.features.is_empty() {
-            break;
-        }
-    }
-    builds
-}
-
-/// A cargo verb for one library on one target.
-fn library<'a>(verb: &'a str, member: &Member, target: &'a str) -> Vec<&'a str> {
-    vec![
-        verb,
-        "--locked",
+/// Build of an example for a microcontroller.
+fn mcu_example(&(package, example, target): &(&str, &str, &str)) -> Invocation {
+    // The firmware's examples exceed the memory without its optimisation.
+    let profile = if package == FIRMWARE {
+        "firmware"
+    } else {
+        "dev"
+    };
+    let build = ["build", "--locked", "--profile", profile];
+    let what = [
         "--package",
-        member.name,
-        "--lib",
+        package,
+        "--example",
+        example,
         "--target",
         target,
-    ]
-}
-
-/// Builds of a crate's examples for a microcontroller.
-fn mcu_examples(member: &'static Member) -> impl Iterator<Item = Invocation> {
-    // The image exceeds the memory without its optimisation.
-    let profile = match member.runs_on {
-        RunsOn::Mcu => "firmware",
-        _ => "dev",
-    };
-    member.mcu_examples.iter().map(move |example| {
-        Invocation::cargo(&[
-            "build",
-            "--locked",
-            "--profile",
-            profile,
-            "--package",
-            member.name,
-            "--example",
-            example.name,
-            "--target",
-            example.target,
-        ])
-    })
+    ];
+    Invocation::cargo(&[build.as_slice(), &what].concat())
 }
 
 #[cfg(test)]
@@ -381,12 +351,13 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    fn crate_with(features: &'static [&'static str]) -> Member {
-        Member {
-            name: "sample",
-            features,
-            ..MEMBERS[0]
-        }
+    fn crate_with(features: &[&str]) -> Package {
+        let workspace = Workspace::find(None).unwrap();
+        let mut package = metadata::packages(&workspace).unwrap().remove(0);
+        let features = features.iter().map(|name| ((*name).to_owned(), Vec::new()));
+        package.features = features.collect();
+        package.name = "sample".to_owned();
+        package
     }
 
     fn lines(invocations: &[Invocation]) -> Vec<String> {
@@ -398,7 +369,7 @@ mod tests {
         let base = "cargo clippy --locked --package sample";
         let denied = "-- -D warnings";
         assert_eq!(
-            lines(&feature_sets(&crate_with(&["a", "b"]))),
+            lines(&feature_sets(&crate_with(&["a", "b", "default"]))),
             [
                 format!("{base} --no-default-features {denied}"),
                 format!("{base} --no-default-features --features a {denied}"),
@@ -408,33 +379,6 @@ mod tests {
         );
         assert_eq!(feature_sets(&crate_with(&["a"])).len(), 2);
         assert!(feature_sets(&crate_with(&[])).is_empty());
-    }
-
-    #[test]
-    fn features_with_tests_of_their_own_are_tested_in_every_run() {
-        let runs = test_steps().into_iter().chain([long_tests()]);
-        for step in runs {
-            let Action::Commands(invocations) = &step.action else {
-                panic!("{} runs cargo", step.name);
-            };
-            for line in lines(invocations) {
-                assert!(line.contains("ldc161x/async,ldc161x-sim/async"), "{line}");
-            }
-        }
-    }
-
-    #[test]
-    fn every_no_std_crate_is_built_for_every_target() {
-        let builds = lines(&on_every_target(builds_for));
-        for member in no_std() {
-            for target in ARM_TARGETS {
-                let wanted = format!("--package {} --lib --target {target}", member.name);
-                assert!(
-                    builds.iter().any(|line| line.contains(&wanted)),
-                    "no build with `{wanted}`"
-                );
-            }
-        }
     }
 
     #[test]

@@ -4,7 +4,6 @@
 //! |---|---|
 //! | `test` | the whole test suite on the host; needs nothing but stable Rust |
 //! | `ci` | everything a change has to pass: the tests, then the checks |
-//! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and print its size |
 //! | `planted-defects` | plant each defect of a list and run the tests that must find it |
@@ -14,17 +13,17 @@
 //! | `release` | image, tool, licences and bill of materials in one archive, with checksums |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
 //!
-//! A new crate gets one row in [`members`]; a new check is one [`steps::Step`] in [`gate`].
+//! A new check is one [`steps::Step`] in [`gate`].
 
 mod arguments;
 mod book;
-mod deps;
 mod evidence;
 mod firmware;
 mod fuzz;
 mod gate;
 mod hygiene;
 mod members;
+mod metadata;
 #[cfg(test)]
 mod one_build;
 mod package_files;
@@ -63,7 +62,6 @@ fn run(arguments: Arguments) -> Result<()> {
         Verb::Ci { skip_tests, only } => {
             steps::run_all(&workspace, &gate::ci_steps(skip_tests, &only)?)
         }
-        Verb::Deps => deps::check_workspace(&workspace).map(|finding| println!("{finding}")),
         Verb::Evidence { name: None } => {
             evidence::list();
             Ok(())

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::gate::tested_features;
+use crate::members::TESTED_FEATURES;
 use crate::process::{Invocation, Workspace};
 
 /// Sets of features with which each package, by name and version, is built.
@@ -37,10 +37,7 @@ fn the_tests_take_what_the_demo_has_built() {
     let alone = builds("normal,build", &["--package", "palpate-simulate"]);
     // Without `--package`, as in the alias `cargo demo`, all default members enable features.
     let demo = builds("normal,build", &[]);
-    let tests = builds(
-        "normal,build,dev",
-        &["--features", tested_features().as_str()],
-    );
+    let tests = builds("normal,build,dev", &["--features", TESTED_FEATURES]);
     for package in alone.keys() {
         let (demo, tests) = (&demo[package], &tests[package]);
         assert!(

@@ -1,64 +1,27 @@
 //! Checks the files of each separate package: licences, a README with a title, a manifest with
-//! keywords, and dependencies that are packages too.
+//! keywords.
 //!
 //! The licences are copies, since a link does not survive packaging on every platform; the check
 //! compares them with those of the root.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use serde::Deserialize;
 
-use crate::process::{Invocation, Workspace};
+use crate::metadata::{Package, packages};
+use crate::process::Workspace;
 
 /// Licence files, in the root and in each package.
 const LICENCES: &[&str] = &["LICENSE-APACHE", "LICENSE-MIT"];
 
-/// Output of `cargo metadata --no-deps`.
-#[derive(Deserialize)]
-struct Metadata {
-    packages: Vec<Package>,
-}
-
-#[derive(Deserialize)]
-struct Package {
-    name: String,
-    manifest_path: PathBuf,
-    /// Registries to which the package may be published; `None` means any.
-    publish: Option<Vec<String>>,
-    description: Option<String>,
-    readme: Option<PathBuf>,
-    keywords: Vec<String>,
-    categories: Vec<String>,
-    rust_version: Option<String>,
-    dependencies: Vec<Dependency>,
-}
-
-#[derive(Deserialize)]
-struct Dependency {
-    name: String,
-    /// `None` for `[dependencies]`.
-    kind: Option<String>,
-}
-
 /// Checks every package without `publish = false`.
 pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
-    let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
-    let metadata: Metadata = serde_json::from_str(&workspace.output(&query)?)
-        .context("the answer of `cargo metadata` could not be read")?;
-    let (packages, private): (Vec<_>, Vec<_>) = metadata
-        .packages
-        .into_iter()
-        .partition(|package| package.publish.as_deref() != Some(&[]));
-    let private: Vec<_> = private
-        .iter()
-        .map(|package| package.name.as_str())
-        .collect();
+    let mut packages = packages(workspace)?;
+    packages.retain(|package| package.publish.as_deref() != Some(&[]));
     let mut faults = Vec::new();
     for package in &packages {
         let found = faults_of(workspace.root(), package)?.into_iter();
-        let found = found.chain(dependencies_on(&private, package));
         faults.extend(found.map(|fault| format!("{}: {fault}", package.name)));
     }
     if faults.is_empty() {
@@ -69,10 +32,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
 
 /// All faults of a package.
 fn faults_of(root: &Path, package: &Package) -> Result<Vec<String>> {
-    let folder = package
-        .manifest_path
-        .parent()
-        .with_context(|| format!("{} has no folder", package.name))?;
+    let folder = package.folder();
     let mut faults = licence_faults(root, folder)?;
     let readme = fs::read_to_string(folder.join("README.md")).unwrap_or_default();
     if !readme.starts_with(&format!("# {}\n", package.name)) {
@@ -91,16 +51,6 @@ fn faults_of(root: &Path, package: &Package) -> Result<Vec<String>> {
     let empty = fields.into_iter().filter(|(_, is_empty)| *is_empty);
     faults.extend(empty.map(|(field, _)| format!("Cargo.toml has no {field}")));
     Ok(faults)
-}
-
-/// Dependencies that are not published.
-fn dependencies_on(private: &[&str], package: &Package) -> impl Iterator<Item = String> {
-    package
-        .dependencies
-        .iter()
-        .filter(|dependency| dependency.kind.as_deref() != Some("dev"))
-        .filter(|dependency| private.contains(&dependency.name.as_str()))
-        .map(|dependency| format!("depends on {}, which has publish = false", dependency.name))
 }
 
 /// Licences that are missing in a folder, or differ from the root's.

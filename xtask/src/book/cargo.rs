@@ -3,14 +3,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use serde::Deserialize;
 
 use crate::arguments::{Arguments, Verb};
-use crate::process::{Invocation, Workspace};
+use crate::metadata::{Package, packages};
+use crate::process::Workspace;
 use crate::{evidence, gate, repository};
 
 /// Verbs of cargo itself, of its usual components, and of tools that `cargo xtask setup` installs.
@@ -33,40 +33,20 @@ const VERBS: &[&str] = &[
 #[derive(Debug, Default)]
 pub(super) struct Cargo {
     aliases: BTreeSet<String>,
-    packages: BTreeMap<String, Package>,
+    packages: BTreeMap<String, Contents>,
 }
 
 /// Contents of a package.
-#[derive(Debug, Default)]
-struct Package {
+#[derive(Debug)]
+struct Contents {
     /// Folder of the package, relative to the root.
-    folder: String,
+    folder: PathBuf,
     features: BTreeSet<String>,
     /// Programs, tests, examples and benchmarks of the package, each as cargo's option, such as
     /// `--test integration`.
     targets: BTreeSet<String>,
-    /// Names of the package's modules and functions, which select tests.
-    items: BTreeSet<String>,
-}
-
-/// Output of `cargo metadata --no-deps`.
-#[derive(Deserialize)]
-struct Metadata {
-    packages: Vec<Described>,
-}
-
-#[derive(Deserialize)]
-struct Described {
-    name: String,
-    manifest_path: PathBuf,
-    features: BTreeMap<String, Vec<String>>,
-    targets: Vec<Target>,
-}
-
-#[derive(Deserialize)]
-struct Target {
-    name: String,
-    kind: Vec<String>,
+    /// Text of the package's sources, which has the names that select tests.
+    sources: String,
 }
 
 /// Names in the options of a command.
@@ -82,12 +62,9 @@ struct Named<'t> {
 impl Cargo {
     /// Reads the workspace's metadata from cargo, and its sources.
     pub(super) fn read(workspace: &Workspace) -> Result<Self> {
-        let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
-        let metadata: Metadata = serde_json::from_str(&workspace.output(&query)?)
-            .context("the answer of `cargo metadata` could not be read")?;
         let files = repository::files(workspace)?;
-        let packages = metadata.packages.into_iter();
-        let packages = packages.map(|described| Package::read(described, workspace, &files));
+        let packages = packages(workspace)?.into_iter();
+        let packages = packages.map(|package| Contents::read(package, workspace, &files));
         let config = fs::read_to_string(workspace.root().join(".cargo/config.toml"))?;
         let config: toml::Table = config.parse()?;
         let aliases = config.get("alias").and_then(toml::Value::as_table);
@@ -132,13 +109,13 @@ impl Cargo {
         if let Some(package) = named.package.filter(|_| asked.is_empty()) {
             return Some(format!("there is no package {package}"));
         }
-        let any = |has: &dyn Fn(&Package) -> bool| asked.iter().any(|package| has(package));
+        let any = |has: &dyn Fn(&Contents) -> bool| asked.iter().any(|package| has(package));
         let targets = named.targets.iter().map(String::as_str);
         let targets = targets.map(|name| (name, any(&|package| package.targets.contains(name))));
         let features = named.features.iter().copied();
         let features = features.map(|name| (name, any(&|package| package.features.contains(name))));
         let paths = named.path.into_iter();
-        let paths = paths.map(|name| (name, any(&|package| package.folder == name)));
+        let paths = paths.map(|name| (name, any(&|package| package.folder == Path::new(name))));
         let filters = named.filters.iter().copied();
         let filters = filters.map(|name| (name, any(&|package| package.has_test(name))));
         let mut all = targets.chain(features).chain(paths).chain(filters);
@@ -147,51 +124,31 @@ impl Cargo {
     }
 }
 
-impl Package {
-    fn read(
-        described: Described,
-        workspace: &Workspace,
-        files: &[String],
-    ) -> Result<(String, Self)> {
-        let folder = described.manifest_path.parent();
-        let folder = folder.and_then(|folder| folder.strip_prefix(workspace.root()).ok()?.to_str());
-        let folder = folder.context("a package lies outside of the workspace")?;
-        let folder = folder.replace('\\', "/");
-        let mut items = BTreeSet::new();
+impl Contents {
+    fn read(package: Package, workspace: &Workspace, files: &[String]) -> Result<(String, Self)> {
+        let folder = package.folder().strip_prefix(workspace.root())?.to_owned();
         let sources = files.iter().filter(|file| file.ends_with(".rs"));
-        for source in sources.filter(|file| file.starts_with(&format!("{folder}/"))) {
-            let text = fs::read_to_string(workspace.root().join(source)).unwrap_or_default();
-            let names = text.lines().filter_map(item).map(ToOwned::to_owned);
-            items.extend(names);
-        }
-        let targets = described.targets.iter().flat_map(|target| {
+        let sources = sources.filter(|file| Path::new(file).starts_with(&folder));
+        // A file that git lists and that is deleted has no names.
+        let sources = sources.map(|file| fs::read_to_string(workspace.root().join(file)));
+        let sources = sources.map(Result::unwrap_or_default).collect();
+        let targets = package.targets.iter().flat_map(|target| {
             let kinds = target.kind.iter();
             kinds.map(|kind| format!("--{kind} {}", target.name))
         });
-        let package = Self {
-            features: described.features.into_keys().collect(),
+        let contents = Self {
             targets: targets.collect(),
-            items,
+            features: package.features.into_keys().collect(),
             folder,
+            sources,
         };
-        Ok((described.name, package))
+        Ok((package.name, contents))
     }
 
-    /// Whether a part of a test's path selects any test.
+    /// Whether the sources have every part of a test's path.
     fn has_test(&self, path: &str) -> bool {
-        let mut parts = path.split("::");
-        parts.all(|part| self.items.iter().any(|item| item.contains(part)))
+        path.split("::").all(|part| self.sources.contains(part))
     }
-}
-
-/// Name of the module or function that starts on a line.
-fn item(line: &str) -> Option<&str> {
-    let mut words = line.split_whitespace();
-    words.find(|word| ["mod", "fn"].contains(word))?;
-    words
-        .next()?
-        .split(|c: char| !c.is_alphanumeric() && c != '_')
-        .next()
 }
 
 impl<'t> Named<'t> {

@@ -4,11 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::members::FIRMWARE_TARGET;
+use crate::members::{FIRMWARE, FIRMWARE_TARGET};
 use crate::process::{Invocation, Workspace};
 use crate::setup::Need;
-
-const PACKAGE: &str = "palpate-firmware";
 
 const PROFILE: &str = "firmware";
 
@@ -24,7 +22,7 @@ pub(super) fn build_with(workspace: &Workspace, further: &[String]) -> Result<Pa
         "build",
         "--locked",
         "--package",
-        PACKAGE,
+        FIRMWARE,
         "--profile",
         PROFILE,
         "--target",

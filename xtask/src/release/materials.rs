@@ -4,10 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use serde::Deserialize;
 
 use super::files::{self, new_folder};
-use crate::members::FIRMWARE_TARGET;
+use crate::members::{FIRMWARE, FIRMWARE_TARGET};
+use crate::metadata;
 use crate::process::{Invocation, Workspace};
 
 /// Name of a bill of materials, which cargo-cyclonedx writes beside each manifest.
@@ -22,18 +22,6 @@ struct Program<'a> {
     manifest: &'a str,
     /// Target of the build.
     target: &'a str,
-}
-
-/// Output of `cargo metadata --no-deps`.
-#[derive(Deserialize)]
-struct Metadata {
-    packages: Vec<Package>,
-}
-
-#[derive(Deserialize)]
-struct Package {
-    name: String,
-    manifest_path: std::path::PathBuf,
 }
 
 /// Writes bills of materials and licences of tool and firmware into the folders `materials` and
@@ -53,7 +41,7 @@ pub(super) fn write(
         },
         Program {
             name: "firmware",
-            package: "palpate-firmware",
+            package: FIRMWARE,
             manifest: "firmware/Cargo.toml",
             target: FIRMWARE_TARGET,
         },
@@ -89,11 +77,8 @@ fn bill(workspace: &Workspace, program: &Program<'_>, time_s: u64) -> Result<Str
     // Without this variable, a bill has a random serial number and the present time.
     let time = time_s.to_string();
     workspace.run(&Invocation::cargo(&arguments).with_env("SOURCE_DATE_EPOCH", &time))?;
-    let query = ["metadata", "--locked", "--format-version", "1", "--no-deps"];
-    let metadata: Metadata = serde_json::from_str(&workspace.output(&Invocation::cargo(&query))?)
-        .context("the answer of `cargo metadata` could not be read")?;
     let mut found = None;
-    for package in metadata.packages {
+    for package in metadata::packages(workspace)? {
         let file = package.manifest_path.with_file_name(format!("{BILL}.json"));
         let Ok(text) = fs::read_to_string(&file) else {
             continue;
