@@ -92,8 +92,8 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "hygiene",
-            purpose: "no machine paths, open marks, retired words or build output in the repository; the \
-                      microcontroller is named in its board's folder only",
+            purpose: "no machine paths and no build output in the repository; the microcontroller is \
+                      named in its board's folder only",
             needs: Vec::new(),
             action: Action::Check(hygiene::check_workspace),
             remedy: "fix the named lines; take build output out with `git rm --cached`",
@@ -129,10 +129,11 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "spelling",
-            purpose: "no common misspellings",
+            purpose: "no common misspellings, no marks of unfinished work and no retired words",
             needs: vec![Need::Tool(&TYPOS)],
             action: Action::Commands(vec![Invocation::new("typos", &[])]),
-            remedy: "run `typos --write-changes`, or enter a term of the trade in typos.toml",
+            remedy: "run `typos --write-changes`, or enter a term of the trade in typos.toml, which also lists \
+                     the retired words",
         },
         Step {
             name: "licences",
