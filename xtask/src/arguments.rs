@@ -40,8 +40,6 @@ pub(crate) enum Verb {
     },
     /// Plant each defect of tests/planted-defects.toml and run the tests that must find it
     PlantedDefects,
-    /// Measure the cost of the image on the emulated board, and keep the result in docs/evidence
-    BenchImage,
     /// Flash the firmware through a debug probe, and show its log
     Flash,
     /// Write a release for this platform into target/release-files: image, tool, licences, checksums

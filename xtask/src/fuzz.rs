@@ -6,10 +6,9 @@
 //! `fuzz/artifacts`.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::process::Stdio;
+use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
 use crate::evidence::{BEGIN, END};
 use crate::process::{Invocation, Workspace};
@@ -76,29 +75,11 @@ fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<
     fs::create_dir_all(workspace.root().join(&found))
         .with_context(|| format!("{found} could not be created"))?;
     let invocation = invocation(target, &found, seconds, seed);
-    println!("    $ {invocation}");
-    let mut child = invocation
-        .command(workspace)
-        .stderr(Stdio::piped())
-        .spawn()
-        .with_context(|| invocation.cannot_start())?;
-    let stderr = child.stderr.take().context("its output was not captured")?;
-    let mut said = String::new();
-    for line in BufReader::new(stderr).lines() {
-        let line = line.with_context(|| format!("the output of `{invocation}` is unreadable"))?;
-        eprintln!("{line}");
-        said.push_str(&line);
-        said.push('\n');
-    }
-    let status = child
-        .wait()
-        .with_context(|| format!("the end of `{invocation}` was not seen"))?;
-    if !status.success() {
-        bail!(
-            "`{invocation}` failed ({status}); an input that breaks a promise lies in \
-             fuzz/artifacts/{target}"
-        );
-    }
+    let said = workspace
+        .observe(&invocation, Command::stderr)
+        .with_context(|| {
+            format!("an input that breaks a promise lies in fuzz/artifacts/{target}")
+        })?;
     outcome(&said).with_context(|| format!("`{invocation}` did not say how many inputs it ran"))
 }
 

@@ -1,19 +1,6 @@
 //! The developers' gate: `cargo xtask <verb>`.
 //!
-//! | verb | what it does |
-//! |---|---|
-//! | `test` | the whole test suite on the host; needs nothing but stable Rust |
-//! | `ci` | everything a change has to pass: the tests, then the checks |
-//! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
-//! | `firmware` | build the image for the microcontroller, as ELF and UF2, and print its size |
-//! | `planted-defects` | plant each defect of a list and run the tests that must find it |
-//! | `bench-image` | run the image on the emulated board and write its cost into the book |
-//! | `fuzz` | run every fuzz target for a while |
-//! | `flash` | flash the image through a debug probe |
-//! | `release` | image, tool, licences and bill of materials in one archive, with checksums |
-//! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
-//!
-//! A new check is one [`steps::Step`] in [`gate`].
+//! `cargo xtask help` lists the verbs; a new check is one [`steps::Step`] in [`gate`].
 
 mod arguments;
 mod book;
@@ -72,7 +59,6 @@ fn run(arguments: Arguments) -> Result<()> {
             planted: Some(defect),
         } => firmware::make_planted(&workspace, &defect),
         Verb::PlantedDefects => planted::run_campaign(&workspace),
-        Verb::BenchImage => evidence::collect(&workspace, evidence::IMAGE_COST),
         Verb::Flash => firmware::flash(&workspace),
         Verb::Fuzz { seconds, seed } => {
             setup::Need::Nightly.provide(&workspace)?;

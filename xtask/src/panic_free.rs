@@ -13,8 +13,11 @@ use crate::process::{Invocation, Workspace};
 /// Target for which the program is linked.
 pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 
-/// A crate, with its example that calls every public method.
-const PROGRAMS: &[(&str, &str)] = &[("ldc161x", "every_method")];
+/// The program: an example that calls every public method of the driver. Below, its package, and
+/// the folder of the memory map.
+const PROGRAM: &str = "every_method";
+const PACKAGE: &str = "ldc161x";
+const FOLDER: &str = "drivers/ldc161x/examples";
 
 /// Parts of names by which all panic functions are found, in either mangling scheme.
 const MACHINERY: &[&str] = &[
@@ -26,60 +29,35 @@ const MACHINERY: &[&str] = &[
 
 /// Runs the check of the step `panic-free`.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
-    for (package, example) in PROGRAMS {
-        let found = machinery(&link(workspace, package, example, false)?)?;
-        if !found.is_empty() {
-            bail!(
-                "{package}: the panic machinery is reachable: {}",
-                found.join(", ")
-            );
-        }
-        if machinery(&link(workspace, package, example, true)?)?.is_empty() {
-            bail!("{package}: the planted panic was not found, so that finding none shows nothing");
-        }
+    let found = machinery(&link(workspace, false)?)?;
+    if !found.is_empty() {
+        bail!("the panic machinery is reachable: {}", found.join(", "));
+    }
+    if machinery(&link(workspace, true)?)?.is_empty() {
+        bail!("the planted panic was not found, so that finding none shows nothing");
     }
     Ok(format!(
-        "{} linked for {TARGET} without a panic; a planted one is found",
-        PROGRAMS.len()
+        "{PACKAGE} linked for {TARGET} without a panic; a planted one is found"
     ))
 }
 
-/// Links an example as a firmware image and returns its path.
-fn link(workspace: &Workspace, package: &str, example: &str, planted: bool) -> Result<PathBuf> {
+/// Links the program as a firmware image and returns its path.
+fn link(workspace: &Workspace, planted: bool) -> Result<PathBuf> {
     let mut arguments = vec!["rustc", "--locked", "--release", "--quiet"];
-    arguments.extend([
-        "--package",
-        package,
-        "--example",
-        example,
-        "--target",
-        TARGET,
-    ]);
+    arguments.extend(["--package", PACKAGE, "--example", PROGRAM]);
+    arguments.extend(["--target", TARGET]);
     // One unit with link-time optimisation, as firmware is built: only reachable code remains.
     arguments.extend(["--config", "profile.release.lto=\"fat\""]);
     arguments.extend(["--config", "profile.release.codegen-units=1"]);
     arguments.extend(["--message-format", "json-render-diagnostics"]);
     arguments.extend(["--", "-C", "link-arg=-Tlink.x"]);
-    let folder = format!("link-arg=-L{}", examples(workspace, package)?.display());
+    let folder = workspace.root().join(FOLDER);
+    let folder = format!("link-arg=-L{}", folder.display());
     arguments.extend(["-C", &folder]);
     if planted {
         arguments.extend(["--cfg", "planted_panic"]);
     }
     workspace.build(&Invocation::cargo(&arguments))
-}
-
-/// Folder of a driver's examples, with the memory map.
-fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
-    let folder = workspace
-        .root()
-        .join("drivers")
-        .join(package)
-        .join("examples");
-    if folder.join("board-memory.x").is_file() {
-        Ok(folder)
-    } else {
-        bail!("{} holds no board-memory.x", folder.display())
-    }
 }
 
 /// Names of the panic machinery in an image's symbol table.

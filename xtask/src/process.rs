@@ -11,6 +11,7 @@
 
 use std::env;
 use std::fmt;
+use std::io::{self, BufRead, BufReader, PipeWriter};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -110,6 +111,34 @@ impl Workspace {
             bail!("`{invocation}` failed ({status})");
         }
         Ok(())
+    }
+
+    /// Runs a command, shows the lines of one of its streams as they come, and returns them.
+    pub(crate) fn observe(
+        &self,
+        invocation: &Invocation,
+        stream: fn(&mut Command, PipeWriter) -> &mut Command,
+    ) -> Result<String> {
+        println!("    $ {invocation}");
+        let unreadable = || format!("the output of `{invocation}` could not be read");
+        let (reader, writer) = io::pipe().with_context(unreadable)?;
+        let mut command = invocation.command(self);
+        let started = stream(&mut command, writer).spawn();
+        let mut child = started.with_context(|| invocation.cannot_start())?;
+        // It holds the pipe's other end, without whose end the loop has none.
+        drop(command);
+        let mut printed = String::new();
+        for line in BufReader::new(reader).lines() {
+            let line = line.with_context(unreadable)?;
+            println!("{line}");
+            printed.push_str(&line);
+            printed.push('\n');
+        }
+        let status = child.wait().with_context(unreadable)?;
+        if !status.success() {
+            bail!("`{invocation}` failed ({status})");
+        }
+        Ok(printed)
     }
 
     /// Whether a command starts and succeeds; its output is discarded.
@@ -254,10 +283,10 @@ mod tests {
     #[test]
     fn a_toolchain_asked_for_reaches_the_children() {
         let workspace = Workspace::find(Some("1.95.0".to_owned())).unwrap();
-        let command = workspace.command("cargo");
+        let asked = Some(Some("1.95.0".to_owned()));
         assert_eq!(
-            change(&command, "RUSTUP_TOOLCHAIN"),
-            Some(Some("1.95.0".to_owned()))
+            change(&workspace.command("cargo"), "RUSTUP_TOOLCHAIN"),
+            asked
         );
     }
 

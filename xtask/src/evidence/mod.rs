@@ -18,8 +18,7 @@ mod document;
 mod provenance;
 
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::process::Stdio;
+use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -115,7 +114,6 @@ const TESTS: &[&str] = &[
     "model",
     "sim-host",
     "tests",
-    "xtask/src/planted/mod.rs",
     "xtask/src/planted",
 ];
 
@@ -306,15 +304,12 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: DESK,
     },
     Campaign {
-        name: IMAGE_COST,
+        name: "image-cost",
         claim: "What the image costs of processor, flash and memory.",
         command: "campaign image-cost --seed 1",
         rests_on: IMAGE,
     },
 ];
-
-/// Name of the campaign that `cargo xtask bench-image` runs.
-pub(crate) const IMAGE_COST: &str = "image-cost";
 
 impl Campaign {
     fn invocation(&self) -> Invocation {
@@ -381,7 +376,9 @@ fn perform(
     origin: Origin,
 ) -> Result<Record> {
     let start = Instant::now();
-    let printed = observe(workspace, invocation)?;
+    let printed = workspace
+        .observe(invocation, Command::stdout)
+        .context("a campaign ends with success only when its claim holds, so nothing is written")?;
     let (figure, details) = document::result(&printed)
         .with_context(|| format!("`{invocation}` printed no usable result"))?;
     Ok(Record {
@@ -395,89 +392,38 @@ fn perform(
     })
 }
 
-/// Runs a command, shows its output as it comes, and returns its standard output.
-fn observe(workspace: &Workspace, invocation: &Invocation) -> Result<String> {
-    println!("$ {invocation}");
-    let mut child = invocation
-        .command(workspace)
-        .stdout(Stdio::piped())
-        .spawn()
-        .with_context(|| invocation.cannot_start())?;
-    let stdout = child
-        .stdout
-        .take()
-        .context("the campaign's standard output was not captured")?;
-    let mut printed = String::new();
-    for line in BufReader::new(stdout).lines() {
-        let line =
-            line.with_context(|| format!("the output of `{invocation}` could not be read"))?;
-        println!("{line}");
-        printed.push_str(&line);
-        printed.push('\n');
-    }
-    let status = child
-        .wait()
-        .with_context(|| format!("the end of `{invocation}` was not seen"))?;
-    if !status.success() {
-        bail!(
-            "`{invocation}` failed ({status}); a campaign ends with success only when its claim \
-             holds, so nothing is written"
-        );
-    }
-    Ok(printed)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::env;
 
-    /// Environment variable that makes the test below a campaign, and gives its kind.
-    const KIND: &str = "XTASK_FAKE_CAMPAIGN";
-
-    /// Does nothing, unless the tests that follow run it as a campaign.
-    #[test]
-    fn fake_campaign() {
-        let kind = env::var(KIND).unwrap_or_default();
-        if kind == "sound" || kind == "failing" {
-            println!("progress, which is not kept");
-            println!("{BEGIN}");
-            println!("3 of 3 schedules recovered.\n\n## Schedules");
-            println!("{END}");
-            println!("more that is not kept");
-        }
-        if kind == "failing" {
-            std::process::exit(1);
-        }
-    }
-
-    /// Runs this test program as a campaign.
-    fn perform_fake(kind: &'static str) -> Result<Record> {
-        let program = env::current_exe().unwrap();
-        let test = "evidence::tests::fake_campaign";
-        let invocation =
-            Invocation::new(program.to_str().unwrap(), &["--nocapture", "--exact", test]);
+    /// Runs a script as a campaign.
+    fn perform_script(script: &str) -> Result<Record> {
         let workspace = Workspace::find(None).unwrap();
         let origin = Origin {
             commit: "0123abcd".to_owned(),
             date: "2026-02-03".to_owned(),
             toolchain: "rustc 1.95.0".to_owned(),
         };
-        let invocation = invocation.with_env(KIND, kind);
         let campaign = Campaign {
             name: "trial",
             claim: "A trial.",
             command: "",
             rests_on: &["xtask/src"],
         };
+        let invocation = Invocation::new("sh", &["-c", script]);
         perform(&workspace, &campaign, &invocation, origin)
+    }
+
+    /// Script that prints a result among other lines.
+    fn result() -> String {
+        format!("printf 'progress\\n{BEGIN}\\n3 of 3.\\n\\n## Schedules\\n{END}\\nmore\\n'")
     }
 
     #[test]
     fn a_campaign_is_kept_with_its_command_and_result() {
-        let record = perform_fake("sound").unwrap();
-        assert!(record.command.contains("fake_campaign"), "{record:?}");
-        assert_eq!(record.figure, "3 of 3 schedules recovered.");
+        let record = perform_script(&result()).unwrap();
+        assert!(record.command.starts_with("sh -c"), "{record:?}");
+        assert_eq!(record.figure, "3 of 3.");
         assert_eq!(record.details, "## Schedules");
     }
 
@@ -503,11 +449,11 @@ mod tests {
 
     #[test]
     fn a_campaign_that_fails_or_prints_no_result_gives_no_text() {
-        for (kind, cause) in [
-            ("failing", "nothing is written"),
-            ("silent", "no usable result"),
+        for (script, cause) in [
+            (result() + "; exit 1", "nothing is written"),
+            ("true".to_owned(), "no usable result"),
         ] {
-            let message = format!("{:#}", perform_fake(kind).unwrap_err());
+            let message = format!("{:#}", perform_script(&script).unwrap_err());
             assert!(message.contains(cause), "{message}");
         }
     }
