@@ -9,7 +9,7 @@ use crate::metadata::{self, Package};
 use crate::process::{Invocation, Workspace};
 use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{book, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
+use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
 
 /// The test suite: every crate with its default features and with those that have their own tests.
 pub(crate) fn test_steps() -> Vec<Step> {
@@ -87,8 +87,8 @@ fn source_checks() -> Vec<Step> {
             name: "deps",
             purpose: "dependencies point the way the design says",
             needs: vec![Need::Tool(&CARGO_DENY)],
-            action: commands(&["deny", "--locked", "check", "-D", "unused-wrapper", "bans"]),
-            remedy: "remove the dependency or move the code; the rules stand in deny.toml",
+            action: Action::Check(deps::check_workspace),
+            remedy: "remove the dependency or move the code; the rules stand in deny.toml and xtask/src/deps.rs",
         },
         Step {
             name: "hygiene",

@@ -4,6 +4,7 @@
 
 mod arguments;
 mod book;
+mod deps;
 mod evidence;
 mod firmware;
 mod fuzz;

@@ -73,17 +73,6 @@ mod tests {
         assert_eq!(found, BTreeSet::from_iter(NO_STD.iter().copied()));
     }
 
-    /// A library without an entry could be a dependency of any crate.
-    #[test]
-    fn every_library_has_an_entry_in_the_list_of_those_that_may_depend_on_it() {
-        let workspace = Workspace::find(None).unwrap();
-        let rules = fs::read_to_string(workspace.root().join("deny.toml")).unwrap();
-        for member in members().iter().filter(|it| it.library().is_some()) {
-            let entry = format!("crate = \"{}\", wrappers = [", member.name);
-            assert!(rules.contains(&entry), "deny.toml has no {entry}");
-        }
-    }
-
     /// A library or program whose manifest disables its tests must have none: cargo would skip them
     /// silently.
     #[test]

@@ -26,7 +26,20 @@ pub(crate) struct Package {
     pub(crate) categories: Vec<String>,
     pub(crate) rust_version: Option<String>,
     pub(crate) features: BTreeMap<String, Vec<String>>,
+    pub(crate) dependencies: Vec<Dependency>,
     pub(crate) targets: Vec<Target>,
+}
+
+/// An entry of a manifest's tables of dependencies.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Dependency {
+    pub(crate) name: String,
+    /// `None` for `[dependencies]`, otherwise `dev` or `build`.
+    pub(crate) kind: Option<String>,
+    /// Whether the dependency is active only with a feature.
+    pub(crate) optional: bool,
+    /// Platform of an entry that is not for all of them.
+    pub(crate) target: Option<String>,
 }
 
 /// A library, program, test, example or benchmark.
@@ -58,10 +71,7 @@ impl Package {
     pub(crate) fn folder(&self) -> &Path {
         self.manifest_path.parent().unwrap_or(&self.manifest_path)
     }
-}
 
-#[cfg(test)]
-impl Package {
     /// The package's library, if it has one.
     pub(crate) fn library(&self) -> Option<&Target> {
         let is_library = |target: &&Target| target.kind.iter().any(|kind| kind == "lib");
