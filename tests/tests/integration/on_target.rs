@@ -1,5 +1,5 @@
-//! Equal bits on the emulated processor and on this computer: every arithmetic function of the
-//! model, and the procedure through a whole press with its measurement.
+//! Equal bits on the emulated processor and on this computer: the procedure through a whole press
+//! with its measurement, and the arithmetic that such a press does not reach.
 
 use std::sync::OnceLock;
 
