@@ -2,7 +2,7 @@
 
 use ldc161x_sim::Time;
 
-use super::memory::{ENDPOINTS, PacketMemory, SIZE, buffer};
+use super::memory::{PacketMemory, SIZE, buffer};
 use super::wire::{FRAME_PS, LARGEST_PACKET, Reply, Transaction, TransactionKind};
 
 /// Idle time after which the bus is suspended (USB 2.0 7.1.7.6).
@@ -27,24 +27,13 @@ const NAK_POLL: u32 = 0x0010_0010;
 
 /// Bits of SIE_CTRL.
 mod control {
-    pub(super) const RESUME: u32 = 1 << 12;
     const PULL_DOWN: u32 = 1 << 15;
     pub(super) const PULL_UP: u32 = 1 << 16;
     const PULL_UP_STRENGTH: u32 = 1 << 17;
     pub(super) const ON_NAK_0: u32 = 1 << 27;
-    pub(super) const PER_PAIR_0: u32 = 1 << 28;
     pub(super) const PER_BUFFER_0: u32 = 1 << 29;
-    pub(super) const DOUBLE_0: u32 = 1 << 30;
-    pub(super) const ON_STALL_0: u32 = 1 << 31;
-    /// Bits of SIE_CTRL that a device uses.
-    pub(super) const KNOWN: u32 = PULL_DOWN
-        | PULL_UP
-        | PULL_UP_STRENGTH
-        | ON_NAK_0
-        | PER_PAIR_0
-        | PER_BUFFER_0
-        | DOUBLE_0
-        | ON_STALL_0;
+    /// Bits of SIE_CTRL that are modelled.
+    pub(super) const KNOWN: u32 = PULL_DOWN | PULL_UP | PULL_UP_STRENGTH | ON_NAK_0 | PER_BUFFER_0;
 }
 
 /// Bits of SIE_STATUS.
@@ -73,10 +62,13 @@ mod raised {
     pub(super) const RESUME: u32 = 1 << 15;
     pub(super) const SETUP: u32 = 1 << 16;
     pub(super) const FRAME: u32 = 1 << 17;
-    pub(super) const ABORTED: u32 = 1 << 18;
     pub(super) const REFUSED: u32 = 1 << 19;
     pub(super) const ALL: u32 = 0xF_FFFF;
 }
+
+/// Bits of an endpoint's control word that are not modelled: two buffers, an interrupt for a pair of
+/// them, an interrupt at a stall.
+const UNMODELLED_ENDPOINT: u32 = 1 << 30 | 1 << 28 | 1 << 17;
 
 /// State of the bus lines in SIE_STATUS (USB 2.0 7.1.7.1, full speed).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,27 +85,16 @@ enum LineState {
 #[derive(Clone, Copy, Debug)]
 struct Endpoint {
     enabled: bool,
-    double: bool,
     per_buffer: bool,
-    per_pair: bool,
     bulk: bool,
     on_nak: bool,
-    on_stall: bool,
     buffer: usize,
-}
-
-/// Completed buffers that are not yet cleared in BUFF_STATUS: how many, and the first one's number.
-#[derive(Clone, Copy, Debug, Default)]
-struct Done {
-    count: u8,
-    first: usize,
 }
 
 /// A transaction with a buffer in progress.
 #[derive(Clone, Copy, Debug)]
 struct Busy {
     index: usize,
-    half: usize,
     buffer: usize,
     in_sequence: bool,
 }
@@ -130,12 +111,9 @@ pub(crate) struct UsbController {
     nak_poll: u32,
     trim: u32,
     stall_armed: u32,
-    aborted: u32,
-    abort_done: u32,
     refused: u32,
     latched: u32,
     enabled: u32,
-    forced: u32,
     frame: u32,
     line: LineState,
     suspended: bool,
@@ -144,11 +122,9 @@ pub(crate) struct UsbController {
     idle_ps: u64,
     /// End of the last bus reset, until CONNECTED is set.
     connecting_ps: Option<u64>,
-    done: [Done; ENDPOINTS],
-    /// Next buffer of each endpoint, one bit each: the first or the second.
-    next_half: u32,
+    /// BUFF_STATUS.
+    done: u32,
     busy: Option<Busy>,
-    wakes: bool,
     /// Time of the last start of frame.
     frame_ps: Option<u64>,
     /// Whether the controller hangs until the block is reset (erratum E15).
@@ -176,22 +152,17 @@ impl UsbController {
             nak_poll: NAK_POLL,
             trim: PHY_TRIM,
             stall_armed: 0,
-            aborted: 0,
-            abort_done: 0,
             refused: 0,
             latched: 0,
             enabled: 0,
-            forced: 0,
             frame: 0,
             line: LineState::J,
             suspended: false,
             connected: false,
             idle_ps: 0,
             connecting_ps: None,
-            done: [Done::default(); ENDPOINTS],
-            next_half: 0,
+            done: 0,
             busy: None,
-            wakes: false,
             frame_ps: None,
             hangs: false,
             can_hang: true,
@@ -217,11 +188,6 @@ impl UsbController {
     /// Takes the last request that the emulator does not model.
     pub(crate) fn take_problem(&mut self) -> Option<&'static str> {
         self.problem.take()
-    }
-
-    /// Whether the controller has requested a resume of a suspended bus since the last call.
-    pub(crate) fn take_wake(&mut self) -> bool {
-        std::mem::take(&mut self.wakes)
     }
 
     // ---- the bus ----
@@ -268,7 +234,7 @@ impl UsbController {
     pub(crate) fn begin_reset(&mut self) {
         self.line = LineState::Reset;
         self.connecting_ps = None;
-        self.end_transaction();
+        self.busy = None;
         self.set_suspended(false);
         if self.is_attached() {
             self.status |= status::RESET;
@@ -300,7 +266,7 @@ impl UsbController {
     /// Unplugs the cable: the pull-up keeps the lines idle.
     pub(crate) fn unplug(&mut self, now_ps: u64) {
         self.line = LineState::J;
-        self.end_transaction();
+        self.busy = None;
         self.idle_ps = now_ps;
     }
 
@@ -319,7 +285,7 @@ impl UsbController {
     /// Handles a token. The returned decision applies until the transaction ends.
     pub(crate) fn begin(&mut self, transaction: &Transaction, now_ps: u64) -> Reply {
         self.idle_ps = now_ps;
-        self.end_transaction();
+        self.busy = None;
         let is_meant = u32::from(transaction.address) == self.address;
         if !self.is_attached() || self.hangs || !is_meant {
             return Reply::Silence;
@@ -354,9 +320,7 @@ impl UsbController {
 
     fn follow_bulk(&mut self, index: usize) {
         let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
-        let armed_ps = self
-            .memory
-            .armed_ps(index, self.busy.map_or(0, |busy| busy.half));
+        let armed_ps = self.memory.armed_ps(index);
         let Some((armed_ps, frame_ps)) = armed_ps.zip(self.frame_ps).filter(|_| is_bulk) else {
             return;
         };
@@ -372,8 +336,7 @@ impl UsbController {
     /// Here the start always replaces it, the worst case of the erratum.
     fn ends_frame(&self, index: usize, now_ps: u64) -> bool {
         let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
-        let which = self.busy.map_or(0, |busy| busy.half);
-        let armed_ps = self.memory.armed_ps(index, which);
+        let armed_ps = self.memory.armed_ps(index);
         let late = |(armed_ps, frame_ps): (u64, u64)| {
             let is_late = |at_ps: u64| at_ps >= frame_ps + ENDS_FRAME_PS.start();
             ENDS_FRAME_PS.contains(&armed_ps.saturating_sub(frame_ps)) && is_late(now_ps)
@@ -386,28 +349,27 @@ impl UsbController {
         let Some(endpoint) = self.endpoint(index).filter(|it| it.enabled) else {
             return Reply::Silence;
         };
-        if self.memory.half(index, 0) & buffer::RESET != 0 || !endpoint.double {
-            self.next_half &= !(1 << index);
+        let control = self.memory.endpoint_control(index).unwrap_or(0);
+        if control & UNMODELLED_ENDPOINT != 0 {
+            self.problem = Some("two buffers of a USB endpoint, or an interrupt at its stall");
+            return Reply::Silence;
         }
-        let which = (self.next_half >> index & 1) as usize;
-        let half = self.memory.half(index, which);
+        let half = self.memory.half(index);
         if self.stalls(index) {
-            self.refused |= u32::from(endpoint.on_stall) << index;
             return Reply::Stall;
         }
         let is_in = data1.is_none();
         // 4.1.2.8: an IN needs a full buffer, an OUT an empty one.
         let is_full = half & buffer::FULL != 0;
         let is_ready = half & buffer::AVAILABLE != 0 && is_full == is_in;
-        if !is_ready || self.aborted >> index & 1 == 1 {
+        if !is_ready {
             self.refused |= u32::from(endpoint.on_nak) << index;
             return Reply::Nak;
         }
         let has_data1 = half & buffer::DATA1 != 0;
         let busy = Busy {
             index,
-            half: which,
-            buffer: endpoint.buffer + LARGEST_PACKET * which,
+            buffer: endpoint.buffer,
             in_sequence: data1.is_none_or(|data1| data1 == has_data1),
         };
         if busy.buffer + LARGEST_PACKET > SIZE {
@@ -425,7 +387,7 @@ impl UsbController {
     /// Whether the endpoint stalls; on endpoint 0 the stall must also be armed (EP_STALL_ARM).
     fn stalls(&self, index: usize) -> bool {
         let is_armed = index > 1 || self.stall_armed >> index & 1 == 1;
-        is_armed && self.memory.half(index, 0) & buffer::STALL != 0
+        is_armed && self.memory.half(index) & buffer::STALL != 0
     }
 
     fn data(&mut self, busy: Busy, half: u16) -> Reply {
@@ -449,7 +411,7 @@ impl UsbController {
         self.idle_ps = now_ps;
         match &transaction.kind {
             TransactionKind::Setup(packet) => {
-                let is_answered = self.memory.half(0, 0) & buffer::AVAILABLE != 0;
+                let is_answered = self.memory.half(0) & buffer::AVAILABLE != 0;
                 self.answered_before += u32::from(is_answered);
                 self.memory.store_setup(packet);
                 self.status |= status::SETUP;
@@ -463,12 +425,12 @@ impl UsbController {
             TransactionKind::In => {
                 self.status |= status::ACKNOWLEDGED;
                 if let Some(busy) = self.busy {
-                    let half = self.memory.half(busy.index, busy.half);
-                    self.write_back(busy, half & !buffer::FULL);
+                    let half = self.memory.half(busy.index);
+                    self.write_back(busy.index, half & !buffer::FULL);
                 }
             }
         }
-        self.end_transaction();
+        self.busy = None;
     }
 
     fn receive(&mut self, busy: Busy, data: &[u8]) {
@@ -477,36 +439,18 @@ impl UsbController {
             return;
         }
         self.memory.store(busy.buffer, data);
-        let half = self.memory.half(busy.index, busy.half) & !buffer::LENGTH;
-        self.write_back(busy, half | buffer::FULL | data.len() as u16);
+        let half = self.memory.half(busy.index) & !buffer::LENGTH;
+        self.write_back(busy.index, half | buffer::FULL | data.len() as u16);
     }
 
     /// Returns a buffer to the processor.
-    fn write_back(&mut self, busy: Busy, half: u16) {
-        let Busy {
-            index, half: which, ..
-        } = busy;
-        let returned = half & !buffer::AVAILABLE & if which == 0 { !buffer::RESET } else { !0 };
-        self.memory.set_half(index, which, returned);
+    fn write_back(&mut self, index: usize, half: u16) {
+        self.memory.set_half(index, half & !buffer::AVAILABLE);
         if half & buffer::LAST != 0 {
             self.status |= status::COMPLETE;
         }
-        let Some(endpoint) = self.endpoint(index) else {
-            return;
-        };
-        if endpoint.double {
-            self.next_half ^= 1 << index;
-        }
-        if let Some(done) = self.done.get_mut(index) {
-            done.add(which, endpoint);
-        }
-    }
-
-    /// Ends any transaction; an endpoint with a pending abort becomes idle.
-    fn end_transaction(&mut self) {
-        if let Some(busy) = self.busy.take() {
-            self.abort_done |= self.aborted & 1 << busy.index;
-        }
+        let per_buffer = self.endpoint(index).is_some_and(|it| it.per_buffer);
+        self.done |= u32::from(per_buffer) << index;
     }
 
     fn endpoint(&self, index: usize) -> Option<Endpoint> {
@@ -514,12 +458,9 @@ impl UsbController {
             let has = |bit| self.control & bit != 0;
             return Some(Endpoint {
                 enabled: true,
-                double: has(control::DOUBLE_0),
                 per_buffer: has(control::PER_BUFFER_0),
-                per_pair: has(control::PER_PAIR_0),
                 bulk: false,
                 on_nak: has(control::ON_NAK_0),
-                on_stall: has(control::ON_STALL_0),
                 buffer: 0x100,
             });
         };
@@ -527,12 +468,9 @@ impl UsbController {
         // 4.1.2.5.2. Isochronous endpoints, type 1, are not modelled: they have no handshakes.
         (word >> 26 & 0b11 != 1).then_some(Endpoint {
             enabled: has(31),
-            double: has(30),
             per_buffer: has(29),
-            per_pair: has(28),
             bulk: word >> 26 & 0b11 == 2,
             on_nak: has(16),
-            on_stall: has(17),
             buffer: (word & 0xFFC0) as usize,
         })
     }
@@ -544,7 +482,7 @@ impl UsbController {
     }
 
     fn interrupts(&self) -> u32 {
-        self.raw() & self.enabled | self.forced
+        self.raw() & self.enabled
     }
 
     fn raw(&self) -> u32 {
@@ -564,8 +502,7 @@ impl UsbController {
         let set = |is_set: bool, interrupt| if is_set { interrupt } else { 0 };
         self.latched
             | of_status
-            | set(self.buffer_status() != 0, raised::BUFFERS)
-            | set(self.abort_done != 0, raised::ABORTED)
+            | set(self.done != 0, raised::BUFFERS)
             | set(self.refused != 0, raised::REFUSED)
     }
 
@@ -582,17 +519,6 @@ impl UsbController {
             | set(self.connected, status::CONNECTED)
     }
 
-    fn buffer_status(&self) -> u32 {
-        self.by_endpoint(|done| done.count > 0)
-    }
-
-    fn by_endpoint(&self, is_set: impl Fn(&Done) -> bool) -> u32 {
-        let bits = self.done.iter().enumerate();
-        bits.fold(0, |bits, (index, done)| {
-            bits | u32::from(is_set(done)) << index
-        })
-    }
-
     pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
         if offset == 0x48 {
             self.latched &= !raised::FRAME;
@@ -607,10 +533,7 @@ impl UsbController {
             0x48 => self.frame,
             0x4C => self.control,
             0x50 => self.status(),
-            0x58 => self.buffer_status(),
-            0x5C => self.by_endpoint(|done| done.count > 0 && done.first == 1),
-            0x60 => self.aborted,
-            0x64 => self.abort_done,
+            0x58 => self.done,
             0x68 => self.stall_armed,
             0x6C => self.nak_poll,
             0x70 => self.refused,
@@ -619,7 +542,6 @@ impl UsbController {
             0x84 => self.trim,
             0x8C => self.raw(),
             0x90 => self.enabled,
-            0x94 => self.forced,
             0x98 => self.interrupts(),
             _ if is_unused(offset) => 0,
             _ => return None,
@@ -630,7 +552,7 @@ impl UsbController {
     /// write-one-to-clear bit is cleared through the plain and the clear view; the SDK relies on
     /// that.
     pub(crate) fn write(&mut self, view: u32, offset: u32, value: u32, now_ps: u64) -> Option<()> {
-        if let 0x50 | 0x58 | 0x64 | 0x70 = offset {
+        if let 0x50 | 0x58 | 0x70 = offset {
             return matches!(view, 0 | 3).then(|| self.clear(offset, value));
         }
         let value = match view {
@@ -653,12 +575,7 @@ impl UsbController {
     fn clear(&mut self, offset: u32, value: u32) {
         match offset {
             0x50 => self.clear_status(value),
-            0x58 => {
-                let of_bits = self.done.iter_mut().enumerate();
-                let cleared = of_bits.filter(|(index, _)| value >> index & 1 == 1);
-                cleared.for_each(|(_, done)| done.take());
-            }
-            0x64 => self.abort_done &= !value,
+            0x58 => self.done &= !value,
             _ => self.refused &= !value,
         }
     }
@@ -681,67 +598,24 @@ impl UsbController {
             0x00 if value <= 0x7F => self.address = value,
             // Neither host mode nor shortened times are modelled.
             0x40 if value & !ENABLED == 0 => self.main = value,
-            0x4C => self.set_control(value)?,
-            0x60 => {
-                let asked = value & !self.aborted;
-                self.aborted = value;
-                let busy = self.busy.map_or(0, |busy| 1 << busy.index);
-                self.abort_done |= asked & !busy;
-            }
+            0x4C if value & !control::KNOWN == 0 => self.control = value,
             0x68 => self.stall_armed = value & 0b11,
             0x6C => self.nak_poll = value,
             0x74 if value & !MUXING == 0 => self.muxing = value,
             0x78 => self.power = value & 0x3F,
             0x84 => self.trim = value,
             0x90 => self.enabled = value & raised::ALL,
-            0x94 => self.forced = value & raised::ALL,
             // These registers are read-only.
-            0x48 | 0x5C | 0x8C | 0x98 => {}
+            0x48 | 0x8C | 0x98 => {}
             _ if is_unused(offset) && value == 0 => {}
             _ => return None,
         }
         Some(())
     }
-
-    fn set_control(&mut self, value: u32) -> Option<()> {
-        if value & !(control::KNOWN | control::RESUME) != 0 {
-            return None;
-        }
-        self.wakes |= value & control::RESUME != 0;
-        self.control = value & control::KNOWN;
-        Some(())
-    }
 }
 
-impl Done {
-    /// Marks a buffer as complete (4.1.2.5.2, interrupts of an endpoint).
-    fn add(&mut self, half: usize, endpoint: Endpoint) {
-        if endpoint.per_buffer {
-            if self.count == 0 || !endpoint.double {
-                *self = Self {
-                    count: 1,
-                    first: half,
-                };
-            } else {
-                self.count = 2;
-            }
-        } else if endpoint.per_pair && endpoint.double && half == 1 {
-            *self = Self {
-                count: 1,
-                first: half,
-            };
-        }
-    }
-
-    /// Clears one buffer; a second one shows at once.
-    fn take(&mut self) {
-        self.count = self.count.saturating_sub(1);
-        self.first ^= 1;
-    }
-}
-
-/// Registers of host mode, of direct PHY control, and unused ones: they read zero, and accept only
-/// zero.
+/// Registers of host mode, of direct PHY control, of second buffers, aborts and forced interrupts,
+/// and unused ones: they read zero, and accept only zero.
 const fn is_unused(offset: u32) -> bool {
-    matches!(offset, 0x04..=0x3C | 0x44 | 0x54 | 0x7C | 0x80 | 0x88)
+    matches!(offset, 0x04..=0x3C | 0x44 | 0x54 | 0x5C..=0x64 | 0x7C | 0x80 | 0x88 | 0x94)
 }

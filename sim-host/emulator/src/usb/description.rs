@@ -16,14 +16,12 @@ pub(super) mod kind {
 }
 
 /// Classes of interfaces (CDC 1.2 tables 2 to 6).
-pub(super) mod class {
-    pub(in crate::usb) const COMMUNICATIONS: u8 = 0x02;
-    pub(in crate::usb) const DATA: u8 = 0x0A;
-    pub(in crate::usb) const VENDOR: u8 = 0xFF;
+mod class {
+    pub(super) const COMMUNICATIONS: u8 = 0x02;
     /// Subclass: abstract control model.
-    pub(in crate::usb) const ABSTRACT_CONTROL: u8 = 0x02;
+    pub(super) const ABSTRACT_CONTROL: u8 = 0x02;
     /// Functional descriptor: union.
-    pub(in crate::usb) const UNION: u8 = 0x06;
+    pub(super) const UNION: u8 = 0x06;
 }
 
 /// Descriptors that a device returned to a host, byte by byte.
@@ -46,34 +44,31 @@ pub struct UsbDescription {
 
 /// An endpoint of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UsbEndpoint {
+pub(super) struct UsbEndpoint {
     /// bEndpointAddress: the number, and bit 7 for IN.
-    pub address: u8,
+    pub(super) address: u8,
     /// Largest packet, bytes.
-    pub largest_packet: u16,
+    pub(super) largest_packet: u16,
     /// Poll interval of an interrupt endpoint, frames.
-    pub interval: u8,
+    pub(super) interval: u8,
 }
 
 /// A serial port of a device (CDC, abstract control model).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CdcFunction {
+pub(super) struct CdcFunction {
     /// Interface for class requests.
-    pub control_interface: u8,
-    /// Data interface.
-    pub data_interface: u8,
+    pub(super) control_interface: u8,
     /// Notification endpoint.
-    pub notification: Option<UsbEndpoint>,
+    pub(super) notification: Option<UsbEndpoint>,
     /// Endpoint for data from the device.
-    pub input: UsbEndpoint,
+    pub(super) input: UsbEndpoint,
     /// Endpoint for data to the device.
-    pub output: UsbEndpoint,
+    pub(super) output: UsbEndpoint,
 }
 
 impl UsbDescription {
     /// The first serial port.
-    #[must_use]
-    pub fn cdc(&self) -> Option<CdcFunction> {
+    pub(super) fn cdc(&self) -> Option<CdcFunction> {
         let interfaces = interfaces(&self.configuration);
         let control = interfaces.iter().find(|it| {
             it.class == class::COMMUNICATIONS && it.subclass == class::ABSTRACT_CONTROL
@@ -89,19 +84,10 @@ impl UsbDescription {
         };
         Some(CdcFunction {
             control_interface: control.number,
-            data_interface,
             notification: control.endpoints.first().and_then(|it| endpoint(it)),
             input: of(0x80)?,
             output: of(0)?,
         })
-    }
-
-    /// Number of the first vendor-specific interface.
-    #[must_use]
-    pub fn vendor_interface(&self) -> Option<u8> {
-        let interfaces = interfaces(&self.configuration);
-        let vendor = interfaces.iter().find(|it| it.class == class::VENDOR);
-        vendor.map(|it| it.number)
     }
 
     /// String of an index; `None` if there is none.
@@ -130,28 +116,24 @@ impl UsbDescription {
 }
 
 /// An interface with its descriptors, up to the next one.
-pub(super) struct Interface<'a> {
-    pub(super) number: u8,
-    pub(super) alternate: u8,
-    /// bNumEndpoints.
-    pub(super) endpoint_count: u8,
-    pub(super) class: u8,
-    pub(super) subclass: u8,
-    pub(super) protocol: u8,
-    pub(super) functionals: Vec<&'a [u8]>,
-    pub(super) endpoints: Vec<&'a [u8]>,
+struct Interface<'a> {
+    number: u8,
+    class: u8,
+    subclass: u8,
+    functionals: Vec<&'a [u8]>,
+    endpoints: Vec<&'a [u8]>,
 }
 
 impl<'a> Interface<'a> {
     /// Functional descriptor of a subtype.
-    pub(super) fn functional(&self, subtype: u8) -> Option<&'a [u8]> {
+    fn functional(&self, subtype: u8) -> Option<&'a [u8]> {
         let mut all = self.functionals.iter();
         all.find(|it| it.get(2) == Some(&subtype)).copied()
     }
 }
 
 /// Iterates over the descriptors, while their lengths are valid.
-pub(super) fn descriptors(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+fn descriptors(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     std::iter::from_fn(move || {
         let length = usize::from(*bytes.first()?);
         if length < 2 {
@@ -164,33 +146,19 @@ pub(super) fn descriptors(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 /// Interfaces of a configuration in order, with each alternate setting separate.
-pub(super) fn interfaces(configuration: &[u8]) -> Vec<Interface<'_>> {
+fn interfaces(configuration: &[u8]) -> Vec<Interface<'_>> {
     let mut interfaces: Vec<Interface<'_>> = Vec::new();
     for descriptor in descriptors(configuration) {
         match (descriptor, interfaces.last_mut()) {
-            (
-                &[
-                    _,
-                    kind::INTERFACE,
+            (&[_, kind::INTERFACE, number, _, _, class, subclass, ..], _) => {
+                interfaces.push(Interface {
                     number,
-                    alternate,
-                    endpoint_count,
                     class,
                     subclass,
-                    protocol,
-                    ..,
-                ],
-                _,
-            ) => interfaces.push(Interface {
-                number,
-                alternate,
-                endpoint_count,
-                class,
-                subclass,
-                protocol,
-                functionals: Vec::new(),
-                endpoints: Vec::new(),
-            }),
+                    functionals: Vec::new(),
+                    endpoints: Vec::new(),
+                });
+            }
             ([_, kind::CLASS_INTERFACE, ..], Some(interface)) => {
                 interface.functionals.push(descriptor);
             }

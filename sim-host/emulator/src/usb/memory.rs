@@ -17,20 +17,19 @@ const BUFFERS: usize = 0x100;
 /// this long before AVAILABLE (4.1.2.5.1).
 const SETTLING_PS: u64 = 1_000_000 / 48;
 
-/// Bits of either half of a buffer control word (4.1.2.5.3).
+/// Bits of the lower half of a buffer control word; the upper half is for a second buffer, which is
+/// not modelled (4.1.2.5.3).
 pub(crate) mod buffer {
     pub(crate) const LENGTH: u16 = 0x3FF;
     pub(crate) const AVAILABLE: u16 = 1 << 10;
-    /// Stalls the endpoint; in the lower half only.
+    /// Stalls the endpoint.
     pub(crate) const STALL: u16 = 1 << 11;
-    /// Makes the first buffer the next one; in the lower half only.
-    pub(crate) const RESET: u16 = 1 << 12;
     pub(crate) const DATA1: u16 = 1 << 13;
     pub(crate) const LAST: u16 = 1 << 14;
     pub(crate) const FULL: u16 = 1 << 15;
 }
 
-/// One half of a buffer control word, as the controller reads it.
+/// Lower half of a buffer control word, as the controller reads it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Half {
     seen: u16,
@@ -50,8 +49,7 @@ struct Half {
 #[derive(Clone, Debug)]
 pub(crate) struct PacketMemory {
     bytes: [u8; SIZE],
-    halves: [[Half; 2]; ENDPOINTS],
-    races: u32,
+    halves: [Half; ENDPOINTS],
 }
 
 impl PacketMemory {
@@ -64,15 +62,8 @@ impl PacketMemory {
         };
         Self {
             bytes: [0; SIZE],
-            halves: [[half; 2]; ENDPOINTS],
-            races: 0,
+            halves: [half; ENDPOINTS],
         }
-    }
-
-    /// Number of times that a half was made available too soon after a change of its other bits.
-    #[cfg(test)]
-    pub(crate) const fn races(&self) -> u32 {
-        self.races
     }
 
     /// Word at an offset; `None` outside.
@@ -99,10 +90,7 @@ impl PacketMemory {
     /// Makes a half of a buffer control word visible to the controller.
     fn show(&mut self, at: usize, old: u16, now_ps: u64) {
         let new = self.half_word(at);
-        let Some((index, which)) = place_of_half(at) else {
-            return;
-        };
-        let Some(half) = self.halves.get_mut(index).and_then(|it| it.get_mut(which)) else {
+        let Some(half) = endpoint_of(at).and_then(|index| self.halves.get_mut(index)) else {
             return;
         };
         if (new ^ old) & !buffer::AVAILABLE != 0 {
@@ -116,7 +104,6 @@ impl PacketMemory {
             .changed_ps
             .is_some_and(|changed| now_ps - changed < SETTLING_PS);
         let races = too_soon && new & !old & buffer::AVAILABLE != 0;
-        self.races += u32::from(races);
         half.seen = if races {
             half.before | new & buffer::AVAILABLE
         } else {
@@ -134,22 +121,20 @@ impl PacketMemory {
         self.word(ENDPOINT_CONTROL + 4 * index.checked_sub(2)?)
     }
 
-    /// A half of a buffer control word, as the controller reads it.
-    pub(crate) fn half(&self, index: usize, which: usize) -> u16 {
-        let half = self.halves.get(index).and_then(|it| it.get(which));
-        half.map_or(0, |half| half.seen)
+    /// The lower half of a buffer control word, as the controller reads it.
+    pub(crate) fn half(&self, index: usize) -> u16 {
+        self.halves.get(index).map_or(0, |half| half.seen)
     }
 
-    /// Time at which a half was last made available.
-    pub(crate) fn armed_ps(&self, index: usize, which: usize) -> Option<u64> {
-        self.halves.get(index)?.get(which)?.armed_ps
+    /// Time at which an endpoint's buffer was last made available.
+    pub(crate) fn armed_ps(&self, index: usize) -> Option<u64> {
+        self.halves.get(index)?.armed_ps
     }
 
-    /// Write of a half by the controller.
-    pub(crate) fn set_half(&mut self, index: usize, which: usize, value: u16) {
-        let at = BUFFER_CONTROL + 4 * index + 2 * which;
-        self.store(at, &value.to_le_bytes());
-        if let Some(half) = self.halves.get_mut(index).and_then(|it| it.get_mut(which)) {
+    /// Write of a lower half by the controller.
+    pub(crate) fn set_half(&mut self, index: usize, value: u16) {
+        self.store(BUFFER_CONTROL + 4 * index, &value.to_le_bytes());
+        if let Some(half) = self.halves.get_mut(index) {
             half.seen = value;
         }
     }
@@ -172,12 +157,10 @@ impl PacketMemory {
     }
 }
 
-/// Endpoint and half of the buffer control word at an offset.
-const fn place_of_half(at: usize) -> Option<(usize, usize)> {
-    if at < BUFFER_CONTROL || at >= BUFFERS {
-        return None;
-    }
-    Some(((at - BUFFER_CONTROL) / 4, at / 2 % 2))
+/// Endpoint whose buffer control word has its lower half at an offset.
+fn endpoint_of(at: usize) -> Option<usize> {
+    let is_lower = (BUFFER_CONTROL..BUFFERS).contains(&at) && at.is_multiple_of(4);
+    is_lower.then(|| (at - BUFFER_CONTROL) / 4)
 }
 
 #[cfg(test)]
@@ -186,49 +169,19 @@ mod tests {
 
     const OUT_0: usize = BUFFER_CONTROL + 4;
 
-    fn write(memory: &mut PacketMemory, value: u16, now_ps: u64) {
-        memory.write(OUT_0, &value.to_le_bytes(), now_ps).unwrap();
-    }
-
-    #[test]
-    fn bytes_half_words_and_words_share_the_memory() {
-        let mut memory = PacketMemory::new();
-        memory
-            .write(0x100, &0x4433_2211_u32.to_le_bytes(), 0)
-            .unwrap();
-        memory.write(0x101, &[0xAA], 0).unwrap();
-        memory.write(0x102, &0xCCBB_u16.to_le_bytes(), 0).unwrap();
-        assert_eq!(memory.word(0x100), Some(0xCCBB_AA11));
-        assert_eq!(memory.write(SIZE, &[0], 0), None);
-        assert_eq!(memory.word(SIZE - 2), None);
-    }
-
-    #[test]
-    fn a_half_made_available_a_period_after_its_rest_is_seen_whole() {
-        let mut memory = PacketMemory::new();
-        let rest = buffer::DATA1 | 64;
-        write(&mut memory, rest, 1_000_000);
-        write(
-            &mut memory,
-            rest | buffer::AVAILABLE,
-            1_000_000 + SETTLING_PS,
-        );
-        assert_eq!(memory.half(1, 0), rest | buffer::AVAILABLE);
-        assert_eq!(memory.races(), 0);
-    }
-
     #[test]
     fn a_half_made_available_too_soon_is_seen_with_the_rest_of_before() {
         let rest = buffer::DATA1 | 64;
-        for apart_ps in [0, SETTLING_PS - 1] {
+        for (apart_ps, seen) in [(SETTLING_PS - 1, 8), (SETTLING_PS, rest)] {
             let mut memory = PacketMemory::new();
-            write(&mut memory, 8, 0);
-            if apart_ps > 0 {
-                write(&mut memory, rest, 1_000_000);
+            for (value, at_ps) in [
+                (8, 0),
+                (rest, 1_000_000),
+                (rest | buffer::AVAILABLE, 1_000_000 + apart_ps),
+            ] {
+                memory.write(OUT_0, &value.to_le_bytes(), at_ps).unwrap();
             }
-            write(&mut memory, rest | buffer::AVAILABLE, 1_000_000 + apart_ps);
-            assert_eq!(memory.half(1, 0), 8 | buffer::AVAILABLE, "{apart_ps} ps");
-            assert_eq!(memory.races(), 1);
+            assert_eq!(memory.half(1), seen | buffer::AVAILABLE, "{apart_ps} ps");
             // The processor reads back its own writes.
             assert_eq!(memory.half_word(OUT_0), rest | buffer::AVAILABLE);
         }

@@ -3,7 +3,6 @@
 //! The controller is a device at full speed (RP2040 datasheet 4.1). The host sends the packets of a
 //! PC, at their times on the wire; [`UsbHost`] takes orders for it.
 
-mod check;
 mod controller;
 mod description;
 mod host;
@@ -13,11 +12,9 @@ mod wire;
 #[cfg(test)]
 mod tests;
 
-pub use check::{DescriptorProblem, check_descriptors};
-pub use description::{CdcFunction, UsbDescription, UsbEndpoint};
+pub use description::UsbDescription;
 pub use host::{
-    ControlOutcome, ControlTransfer, EnumerationFailure, TransferId, UsbCounts, UsbHost,
-    UsbHostSettings, UsbState,
+    ControlOutcome, ControlTransfer, EnumerationFailure, TransferId, UsbCounts, UsbHost, UsbState,
 };
 
 use controller::UsbController;
@@ -51,13 +48,6 @@ impl Usb {
     /// Whether the controller is visible to a host.
     pub(crate) const fn is_attached(&self) -> bool {
         self.controller.is_attached()
-    }
-
-    /// Number of times that a buffer was made available too soon after the other bits of its
-    /// control word.
-    #[cfg(test)]
-    pub(crate) const fn races(&self) -> u32 {
-        self.controller.memory.races()
     }
 
     /// Latest time within a frame at which a bulk IN packet became available.

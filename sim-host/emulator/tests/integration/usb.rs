@@ -3,37 +3,28 @@
 //! Short form; the long form is the campaign `image-usb`.
 
 use palpate_emulator::Time;
-use palpate_emulator::usb::{ControlOutcome, ControlTransfer, check_descriptors};
+use palpate_emulator::usb::{ControlOutcome, ControlTransfer};
 use palpate_procedure::Link;
 use palpate_wire::code::{FaultCode, Outcome};
 use palpate_wire::{Command, Record};
 
 use crate::common::usb::control::{disturb_control, outcome};
+use crate::common::usb::descriptors::reviewed;
 use crate::common::usb::links::{flood, silent_link};
 use crate::common::usb::restarts::{ask_for_restart, reboot, replug};
 use crate::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
-use crate::common::usb::{Chance, INTERRUPT, UsbBench, answer, missing, plugged};
+use crate::common::usb::{Chance, INTERRUPT, UsbBench, missing, plugged};
 use crate::common::{Crash, time_to_off};
 
 /// Longest allowed delay from an edge of INTB to START while the bus is free.
 const LATENCY: Time = Time::from_us(10);
 
 #[test]
-fn the_device_describes_itself_by_the_rules_and_its_serial_number_is_the_boards() {
+fn the_device_describes_itself_as_reviewed_and_its_serial_number_is_the_boards() {
     let mut bench = plugged();
-    let description = bench.probe.board.usb().description().unwrap().clone();
-    assert_eq!(check_descriptors(&description), []);
-    let strings: Vec<_> = (1..=4).map(|it| description.string(it).unwrap()).collect();
     let of_flash = u64::from_be_bytes(bench.probe.board.flash().unique_id());
-    assert_eq!(
-        strings,
-        [
-            "palpate",
-            "palpate tactile sensor",
-            &format!("{of_flash:016X}"),
-            "Reset"
-        ]
-    );
+    let description = bench.probe.board.usb().description();
+    assert_eq!(description, Some(&reviewed(of_flash)));
     let unit = |record: &Record| match record {
         Record::Hello(hello) => Some(hello.unit),
         _ => None,
@@ -184,12 +175,7 @@ fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
 #[test]
 fn a_request_that_is_given_up_at_any_time_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
-    bench
-        .probe
-        .board
-        .usb_mut()
-        .settings_mut()
-        .gives_up_within_frame = true;
+    bench.probe.board.usb_mut().give_up_within_frame(true);
     let expected = device_descriptor(&bench);
     let mut chance = Chance::new(1);
     let mut answered_before = 0;
@@ -355,43 +341,6 @@ fn a_board_that_starts_anew_opens_its_port_by_itself() {
     }
     assert_eq!(runs[1], runs[2]);
     assert!(runs[0] != runs[1] && runs[2] != runs[3]);
-}
-
-#[test]
-fn an_answer_goes_back_by_the_link_of_its_command() {
-    let mut bench = plugged();
-    let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
-    let mut asked = Vec::new();
-    for _ in 0..10 {
-        bench.probe.send(&Command::GetSettings);
-        asked.push(bench.send(&Command::GetSettings));
-        bench.run(Time::from_ms(3));
-    }
-    // The port may be limited to one packet per frame, and samples precede the last answers.
-    bench.run(Time::from_ms(20));
-    let settings = |frames: &[palpate_wire::Frame<Record>]| {
-        let of = |frame: &&palpate_wire::Frame<Record>| {
-            matches!(
-                frame.message,
-                Record::Settings(_) | Record::Acknowledgement(_)
-            )
-        };
-        frames.iter().filter(of).count()
-    };
-    assert_eq!(settings(&bench.probe.frames[at_probe..]), 20);
-    assert_eq!(settings(&bench.port.frames[at_port..]), 20);
-    for number in asked {
-        assert!(answer(&bench.port.frames[at_port..], number).is_some());
-    }
-    // Over one link only: the other link receives none of the answers.
-    let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
-    assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
-    assert_eq!(settings(&bench.probe.frames[at_probe..]), 0);
-    let seen = bench.port.frames.len();
-    bench.probe.command(&Command::GetSettings);
-    bench.listen();
-    assert_eq!(settings(&bench.port.frames[seen..]), 0);
-    assert_eq!(settings(&bench.port.frames[at_port..]), 2);
 }
 
 #[test]

@@ -5,6 +5,8 @@ use std::fmt;
 use super::control::{ControlOutcome, ControlTransfer};
 use crate::usb::description::{UsbDescription, kind};
 
+/// wLength of the first request for the device descriptor, as Linux and Windows ask.
+const FIRST_LENGTH: u16 = 64;
 /// Address that the device is assigned.
 const ADDRESS: u8 = 5;
 /// Least bcdUSB of a device with a BOS descriptor (USB 3.2 9.6.2).
@@ -63,16 +65,13 @@ pub(super) enum Request {
 #[derive(Clone, Debug)]
 pub(super) struct Enumeration {
     step: Step,
-    first_length: u16,
     pub(super) found: UsbDescription,
 }
 
 impl Enumeration {
-    /// Starts with a request for the device descriptor of this length.
-    pub(super) fn new(first_length: u16) -> Self {
+    pub(super) fn new() -> Self {
         Self {
             step: Step::FirstDevice,
-            first_length,
             found: UsbDescription::default(),
         }
     }
@@ -82,7 +81,7 @@ impl Enumeration {
         let get = |kind, index, length| Request::Transfer(get_descriptor(kind, index, 0, length));
         let set = |setup| Request::Transfer(ControlTransfer::new(setup));
         match self.step {
-            Step::FirstDevice => get(kind::DEVICE, 0, self.first_length),
+            Step::FirstDevice => get(kind::DEVICE, 0, FIRST_LENGTH),
             Step::Reset => Request::Reset,
             Step::Address => set([0, 5, ADDRESS, 0, 0, 0, 0, 0]),
             Step::Device => get(kind::DEVICE, 0, 18),

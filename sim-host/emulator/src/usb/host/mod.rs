@@ -38,28 +38,9 @@ const ADDRESS_RECOVERY: Time = Time::from_ms(2);
 /// Sizes of endpoint 0's packets (USB 2.0 9.6.1).
 const CONTROL_PACKETS: [usize; 4] = [8, 16, 32, 64];
 
-/// Differences between PCs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UsbHostSettings {
-    /// wLength of the first request for the device descriptor: 64 as Linux and Windows ask, or 8.
-    pub first_request: u16,
-    /// Number of NAKs of an endpoint, without any other answer, after which it is not polled for
-    /// the rest of the frame. Host controllers differ; guess.
-    pub naks_per_frame: u32,
-    /// Whether a control transfer is given up within a frame, so that the next one starts in that
-    /// frame; otherwise it starts in the next frame.
-    pub gives_up_within_frame: bool,
-}
-
-impl Default for UsbHostSettings {
-    fn default() -> Self {
-        Self {
-            first_request: 64,
-            naks_per_frame: 16,
-            gives_up_within_frame: false,
-        }
-    }
-}
+/// Number of NAKs of an endpoint, without any other answer, after which it is not polled for the
+/// rest of the frame. Host controllers differ; guess.
+const NAKS_PER_FRAME: u32 = 16;
 
 /// State of the device as the host sees it: those of USB 2.0 9.1.1, and earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,12 +72,6 @@ pub struct TransferId(u32);
 pub struct UsbCounts {
     /// Starts of frame.
     pub frames: u64,
-    /// Transactions that ended with ACK.
-    pub acknowledged: u64,
-    /// Transactions that ended with NAK.
-    pub refused: u64,
-    /// Transactions without an answer.
-    pub silent: u64,
     /// Repeated packets of the device.
     pub repeated: u64,
 }
@@ -172,7 +147,7 @@ struct Flight {
 /// A clone is a snapshot.
 #[derive(Clone, Debug)]
 pub struct UsbHost {
-    settings: UsbHostSettings,
+    gives_up_within_frame: bool,
     actions: VecDeque<Action>,
     port: Port,
     port_due_ps: Option<u64>,
@@ -206,7 +181,7 @@ pub struct UsbHost {
 impl UsbHost {
     pub(super) fn new() -> Self {
         Self {
-            settings: UsbHostSettings::default(),
+            gives_up_within_frame: false,
             actions: VecDeque::new(),
             port: Port::Unplugged,
             port_due_ps: None,
@@ -236,9 +211,10 @@ impl UsbHost {
 
     // ---- orders ----
 
-    /// Differences between PCs, to change.
-    pub const fn settings_mut(&mut self) -> &mut UsbHostSettings {
-        &mut self.settings
+    /// Sets whether a control transfer is given up within a frame, so that the next one starts in
+    /// that frame; initially it starts in the next frame. PCs differ.
+    pub const fn give_up_within_frame(&mut self, within: bool) {
+        self.gives_up_within_frame = within;
     }
 
     /// Plugs the cable: VBUS rises, and a visible device is reset after 100 ms. No request is sent
@@ -363,11 +339,6 @@ impl UsbHost {
         self.counts
     }
 
-    /// Whether the cable supplies VBUS.
-    pub(crate) fn has_vbus(&self) -> bool {
-        self.port != Port::Unplugged
-    }
-
     // ---- time ----
 
     pub(super) fn next_event(&self) -> Option<u64> {
@@ -450,7 +421,6 @@ impl UsbHost {
 
     /// Detects a device that appears, disappears or wakes the host.
     pub(super) fn follow(&mut self, device: &mut UsbController, now_ps: u64) {
-        let wakes = device.take_wake();
         match (self.port, device.is_attached()) {
             (Port::Powered, true) => {
                 self.port = Port::Attached;
@@ -460,9 +430,6 @@ impl UsbHost {
             (_, false) => {
                 self.lose_device();
                 self.port = Port::Powered;
-            }
-            (Port::Suspended, true) if wakes => {
-                self.perform(Action::Resume, device, now_ps);
             }
             (_, true) => {}
         }
@@ -550,11 +517,8 @@ impl UsbHost {
         if !self.enumerates {
             return;
         }
-        let first_length = self.settings.first_request;
         let begins = self.enumeration.is_none();
-        let enumeration = self
-            .enumeration
-            .get_or_insert_with(|| Enumeration::new(first_length));
+        let enumeration = self.enumeration.get_or_insert_with(Enumeration::new);
         if begins {
             self.enumerated = None;
         } else {
@@ -620,7 +584,7 @@ impl UsbHost {
     }
 
     fn begin_transaction(&mut self, device: &mut UsbController, now_ps: u64) {
-        if self.settings.gives_up_within_frame {
+        if self.gives_up_within_frame {
             self.give_up_late(device, now_ps);
         }
         let Some((turn, transaction)) = self.next_transaction(now_ps) else {
@@ -649,7 +613,7 @@ impl UsbHost {
         (1..=TURNS.len()).find_map(|step| {
             let index = (self.last_turn + step) % TURNS.len();
             let turn = *TURNS.get(index)?;
-            let is_left_alone = *self.naks.get(index)? >= self.settings.naks_per_frame;
+            let is_left_alone = *self.naks.get(index)? >= NAKS_PER_FRAME;
             (!is_left_alone)
                 .then(|| self.of_turn(turn))?
                 .map(|it| (turn, it))
@@ -719,12 +683,6 @@ impl UsbHost {
     }
 
     fn count(&mut self, turn: Turn, reply: &Reply) {
-        match reply {
-            Reply::Silence => self.counts.silent += 1,
-            Reply::Nak => self.counts.refused += 1,
-            Reply::Stall => {}
-            Reply::Ack | Reply::Data { .. } => self.counts.acknowledged += 1,
-        }
         if let Some(naks) = self.naks.get_mut(turn as usize) {
             *naks = match reply {
                 Reply::Nak | Reply::Silence => *naks + 1,

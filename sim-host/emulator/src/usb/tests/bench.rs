@@ -2,24 +2,18 @@
 
 use ldc161x_sim::Time;
 
+use crate::usb::Usb;
 use crate::usb::memory::buffer;
-use crate::usb::{Usb, UsbState};
 
 pub(super) const MAIN: u32 = 0x40;
-pub(super) const SOF: u32 = 0x48;
 pub(super) const CONTROL: u32 = 0x4C;
 pub(super) const STATUS: u32 = 0x50;
 pub(super) const BUFFERS: u32 = 0x58;
-pub(super) const WHICH: u32 = 0x5C;
-pub(super) const ABORT: u32 = 0x60;
-pub(super) const ABORT_DONE: u32 = 0x64;
 pub(super) const STALL_ARM: u32 = 0x68;
-pub(super) const REFUSED: u32 = 0x70;
 pub(super) const MUXING: u32 = 0x74;
 pub(super) const POWER: u32 = 0x78;
 pub(super) const RAW: u32 = 0x8C;
 pub(super) const ENABLE: u32 = 0x90;
-pub(super) const FORCE: u32 = 0x94;
 pub(super) const INTERRUPTS: u32 = 0x98;
 
 pub(super) const SETUP: u32 = 1 << 17;
@@ -39,7 +33,6 @@ impl Program for Idle {
     fn interrupted(&mut self, _: &mut UsbTestBench) {}
 }
 
-#[derive(Clone)]
 pub(super) struct UsbTestBench {
     pub(super) usb: Usb,
     pub(super) now_ps: u64,
@@ -90,19 +83,15 @@ impl UsbTestBench {
         self.usb.write_memory(at, &bytes, self.now_ps).unwrap();
     }
 
-    /// Half `which` of the buffer control word of the endpoint `index`.
-    pub(super) fn half(&self, index: u32, which: u32) -> u16 {
-        (self.usb.read_memory(0x80 + 4 * index).unwrap() >> (16 * which)) as u16
+    /// Lower half of the buffer control word of the endpoint `index`.
+    pub(super) fn half(&self, index: u32) -> u16 {
+        self.usb.read_memory(0x80 + 4 * index).unwrap() as u16
     }
 
-    /// Writes the bits of a half except AVAILABLE, and then the half with AVAILABLE.
-    pub(super) fn arm(&mut self, index: u32, which: u32, rest: u16) {
+    /// Writes the bits of a buffer control word except AVAILABLE, and then with AVAILABLE.
+    pub(super) fn arm(&mut self, index: u32, rest: u16) {
         for value in [rest, rest | buffer::AVAILABLE] {
-            self.now_ps += ACCESS_PS;
-            let at = 0x80 + 4 * index + 2 * which;
-            self.usb
-                .write_memory(at, &value.to_le_bytes(), self.now_ps)
-                .unwrap();
+            self.set_word(0x80 + 4 * index, value.into());
         }
     }
 
@@ -138,14 +127,5 @@ impl UsbTestBench {
                 program.interrupted(self);
             }
         }
-    }
-
-    /// Plugs the cable and waits for address 0.
-    pub(super) fn plugged(program: &mut impl Program) -> Self {
-        let mut bench = Self::attached();
-        bench.usb.host.plug();
-        bench.run_until(program, |bench| bench.usb.host.state() == UsbState::Default);
-        bench.run(Time::from_ms(12), program);
-        bench
     }
 }

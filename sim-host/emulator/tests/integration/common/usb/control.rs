@@ -4,6 +4,7 @@ use palpate_emulator::usb::{ControlOutcome, ControlTransfer, TransferId, UsbStat
 use palpate_emulator::{LevelTimes, Time};
 use palpate_wire::Command;
 
+use super::descriptors::RESET_INTERFACE;
 use super::{Chance, UsbBench};
 
 /// Duration after which a transfer counts as hanging. The firmware handles a stage when the
@@ -281,9 +282,9 @@ fn draw(chance: &mut Chance) -> ControlTransfer {
     }
 }
 
-/// Whether a setup packet is one of the two requests that reboot the board, sent to interface 2.
+/// Whether a setup packet is one of the two requests that reboot the board.
 fn is_restart_request([kind, request, _, _, index, index_high, ..]: [u8; 8]) -> bool {
-    kind == 0x21 && RESTARTS.contains(&request) && index == 2 && index_high == 0
+    kind == 0x21 && RESTARTS.contains(&request) && [index, index_high] == [RESET_INTERFACE, 0]
 }
 
 fn setup(kind: u8, request: u8, value: u16, index: u16, length: u16) -> [u8; 8] {

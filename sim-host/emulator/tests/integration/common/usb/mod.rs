@@ -1,6 +1,7 @@
 //! A PC at the board's USB port, beside the one at its debug probe.
 
 pub(crate) mod control;
+pub(crate) mod descriptors;
 pub(crate) mod links;
 pub(crate) mod restarts;
 pub(crate) mod streams;

@@ -6,6 +6,7 @@ use palpate_wire::Command;
 use palpate_wire::code::RebootTarget;
 use palpate_wire::command::Reboot;
 
+use super::descriptors::RESET_INTERFACE;
 use super::{ENUMERATION, START, UsbBench};
 
 /// Unplugs the cable and plugs it in again after a time; returns the time until the port was open.
@@ -48,10 +49,8 @@ pub(crate) struct Restart {
 /// Sends picotool's requests (pico-sdk, `pico/usb_reset_interface.h`): 1 for the boot loader, 2 for
 /// the firmware.
 pub(crate) fn ask_for_restart(bench: &mut UsbBench, request: u8, value: u16) -> Restart {
-    let description = bench.probe.board.usb().description().expect("a device");
-    let interface = description.vendor_interface().expect("its interface");
     let [low, high] = value.to_le_bytes();
-    let setup = [0x21, request, low, high, interface, 0, 0, 0];
+    let setup = [0x21, request, low, high, RESET_INTERFACE, 0, 0, 0];
     let resets = bench.probe.board.resets().watchdog;
     let was_on = bench.probe.board.bridge().awake;
     let begin = bench.probe.board.now();
