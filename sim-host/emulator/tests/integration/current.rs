@@ -1,15 +1,11 @@
-//! Reports of the coil's current for each period, and the effect of a calibration of its
-//! measurement.
+//! Reports of the coil's current for each period and each conversion.
 
 use crate::common::driven::{ChargeCurve, wired_with};
 use crate::common::{RecordedBoard, origin_us};
-use ldc161x_sim::Sensors;
-use palpate_emulator::{
-    BridgeCircuit, EmulatedBoard, Image, Options, Plant, PlantConditions, Still, Time, firmware,
-};
+use palpate_emulator::{BridgeCircuit, Image, Plant, PlantConditions, Time, firmware};
 use palpate_sim::electrical::ConverterParameters;
-use palpate_wire::code::{FaultCode, Outcome};
-use palpate_wire::command::{Command, CurrentCorrection, DriveCoil, Settings};
+use palpate_wire::code::Outcome;
+use palpate_wire::command::{Command, DriveCoil, Settings};
 use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Frame, Record};
 
@@ -23,27 +19,10 @@ fn drive(to_a: f32, over_s: f32, trace_interval_s: f32) -> Command {
     })
 }
 
-/// A board whose current amplifier has this gain error.
-fn bench(gain_error: f64) -> RecordedBoard {
-    let usual = crate::common::recording();
-    let options = Options {
-        drive: BridgeCircuit {
-            gain_error,
-            ..usual.drive
-        },
-        ..usual
-    };
-    let mut bench = RecordedBoard::with(ldc161x_sim::Settings::default(), options);
-    bench.stream();
-    let set = bench.command(&Command::SetCoil(crate::common::coil()));
-    assert_eq!(set.outcome, Outcome::Accepted);
+fn armed() -> RecordedBoard {
+    let mut bench = crate::common::streaming();
+    bench.arm();
     bench
-}
-
-fn arm(bench: &mut RecordedBoard) {
-    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
-    let tested = |record: &Record| matches!(record, Record::CoilTest(_)).then_some(());
-    bench.wait_for(Time::from_ms(200), tested).unwrap();
 }
 
 fn traces(frames: &[Frame<Record>]) -> Vec<(u64, CurrentTrace)> {
@@ -72,8 +51,7 @@ fn slope_per_value(values: &[f32]) -> f64 {
 
 #[test]
 fn a_step_is_reported_period_by_period() {
-    let mut bench = bench(0.0);
-    arm(&mut bench);
+    let mut bench = armed();
     bench.command(&drive(1.0, 0.0, 0.0));
     bench.run(Time::from_ms(5));
     bench.send(&drive(6.0, 0.0, 16e-6));
@@ -129,8 +107,7 @@ fn a_step_is_reported_period_by_period() {
 
 #[test]
 fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
-    let mut bench = bench(0.0);
-    arm(&mut bench);
+    let mut bench = armed();
     bench.command(&drive(4.0, 0.0, 0.0));
     // The bridge wakes up first.
     bench.run(Time::from_ms(5));
@@ -164,180 +141,6 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
         (20..35).contains(&total),
         "{total} of 10 ms each in 0.25 to 0.3 s"
     );
-}
-
-#[test]
-fn a_calibration_takes_the_error_of_the_gain_away() {
-    let mut bench = bench(0.05);
-    let before = gain(&mut bench);
-    // A current that reads 5 % too high is 1/1.05 of its reading.
-    let change = |measured_a: f32| measured_a / 1.05 - measured_a;
-    let correction = CurrentCorrection {
-        greatest_a: 12.0,
-        changes_a: (-8..=8).map(|step| change(1.5 * step as f32)).collect(),
-    };
-    let set = Command::SetCurrentCorrection(correction);
-    assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
-    let after = gain(&mut bench);
-    // The remaining error is the converter's non-linearity, eight codes or 51 mA (RP2040 datasheet,
-    // erratum E11), which the correction of the gain leaves.
-    assert!((after / before - 1.05).abs() < 0.003, "{before} {after}");
-    assert!((after - 1.0).abs() < 0.051 / 6.0, "{after}");
-}
-
-/// Mean of true current over setpoint, at several setpoints around 6 A: at a single one it may be
-/// off by half of a wide code of the converter, 26 mA.
-fn gain(bench: &mut RecordedBoard) -> f64 {
-    arm(bench);
-    let setpoints = (0..9).map(|step| 5.8 + 0.05 * f64::from(step));
-    let ratios: Vec<f64> = setpoints.map(|to_a| true_a(bench, to_a) / to_a).collect();
-    bench.command(&Command::Disarm);
-    ratios.iter().sum::<f64>() / ratios.len() as f64
-}
-
-/// True current some time after a change of the setpoint, A.
-fn true_a(bench: &mut RecordedBoard, to_a: f64) -> f64 {
-    bench.command(&drive(to_a as f32, 0.0, 0.0));
-    // A hundred times the control loop's time constant.
-    bench.run(Time::from_ms(10));
-    let before = bench.board.circuit().totals();
-    bench.run(Time::from_ms(10));
-    let after = bench.board.circuit().totals();
-    (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
-}
-
-/// Constant sensors, and a coil with a changeable inductance.
-#[derive(Clone)]
-struct VaryingCoil {
-    still: Still,
-    inductance_h: f64,
-}
-
-impl Sensors for VaryingCoil {
-    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
-        self.still.frequency_hz(channel, time_s)
-    }
-}
-
-impl Plant for VaryingCoil {
-    fn advance_to(&mut self, _: Time) {}
-
-    fn set_current(&mut self, _: f64, _: f64) {}
-
-    fn conditions(&self) -> PlantConditions {
-        PlantConditions {
-            inductance_h: self.inductance_h,
-            ..PlantConditions::default()
-        }
-    }
-}
-
-/// The effect of a failed switch: the current continues. Here a coil of a henry sustains it.
-#[test]
-fn a_current_that_flows_with_the_bridge_off_is_reported() {
-    let plant = VaryingCoil {
-        still: Still::new(crate::common::FREQUENCIES_HZ),
-        inductance_h: 40e-6,
-    };
-    let board = EmulatedBoard::new(
-        crate::common::image(),
-        plant,
-        ldc161x_sim::Settings::default(),
-        crate::common::recording(),
-    );
-    let mut bench = RecordedBoard::of(board);
-    bench.stream();
-    bench.command(&Command::SetCoil(crate::common::coil()));
-    bench.command(&Command::Arm);
-    bench.run(Time::from_ms(150));
-    bench.command(&drive(4.0, 0.0, 0.0));
-    bench.run(Time::from_ms(5));
-    bench.board.plant_mut().inductance_h = 1.0;
-    // Time for two readings, and too short for the drive to detect a current that does not follow.
-    bench.run(Time::from_us(300));
-    bench.command(&Command::Abort);
-    assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);
-    bench.run(Time::from_ms(15));
-    assert!(bench.faults().is_empty(), "any coil may take 20 ms");
-    bench.run(Time::from_ms(15));
-    let reported = bench.faults().last().map(|fault| fault.code);
-    assert_eq!(reported, Some(FaultCode::CurrentUnwanted));
-}
-
-/// Constant sensors, and the integral of the current that they receive.
-#[derive(Clone)]
-struct Reported {
-    still: Still,
-    now: Time,
-    current_a: (f64, f64),
-    charge_a_s: f64,
-    square_a2_s: f64,
-}
-
-impl Sensors for Reported {
-    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
-        self.still.frequency_hz(channel, time_s)
-    }
-}
-
-impl Plant for Reported {
-    fn advance_to(&mut self, time: Time) {
-        let (mean_a, ripple_a) = self.current_a;
-        let passed_s = (time.max(self.now) - self.now).as_secs_f64();
-        self.charge_a_s += mean_a * passed_s;
-        self.square_a2_s += (mean_a * mean_a + ripple_a * ripple_a) * passed_s;
-        self.now = time;
-    }
-
-    fn set_current(&mut self, mean_a: f64, ripple_a: f64) {
-        self.current_a = (mean_a, ripple_a);
-    }
-}
-
-#[test]
-fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
-    let plant = Reported {
-        still: Still::new([3e6; 4]),
-        now: Time::ZERO,
-        current_a: (0.0, 0.0),
-        charge_a_s: 0.0,
-        square_a2_s: 0.0,
-    };
-    let settings = ldc161x_sim::Settings::default();
-    let board = EmulatedBoard::new(
-        crate::common::image(),
-        plant,
-        settings,
-        crate::common::recording(),
-    );
-    let mut bench = RecordedBoard::of(board);
-    bench.stream();
-    let set = bench.command(&Command::SetCoil(crate::common::coil()));
-    assert_eq!(set.outcome, Outcome::Accepted);
-    bench.command(&Command::Arm);
-    bench.run(Time::from_ms(100));
-    bench.command(&drive(8.0, 0.0, 0.0));
-    bench.command(&drive(0.0, 0.06, 0.0));
-    // Early and late in the fall.
-    for wait_ms in [10, 35] {
-        bench.run(Time::from_ms(wait_ms));
-        let now = bench.board.now();
-        let circuit = *bench.board.circuit();
-        let plant = bench.board.plant_mut();
-        // Time since the last report to the plant, two periods of the bridge at most.
-        let rest_s = (now - plant.now).as_secs_f64();
-        assert!(rest_s < 40e-6, "{rest_s}");
-        let (mean_a, _) = plant.current_a;
-        let totals = circuit.totals();
-        let charge_a_s = totals.charge_a_s - mean_a * rest_s;
-        // A delay of a period would be 6e-5 A s or more.
-        let missed_a_s = charge_a_s - plant.charge_a_s;
-        assert!(missed_a_s.abs() < 2e-5, "{missed_a_s:e}");
-        let square_a2_s = totals.square_a2_s - mean_a * mean_a * rest_s;
-        // Without the ripple, 1e-3 A^2 s would be missing.
-        let missed_a2_s = square_a2_s - plant.square_a2_s;
-        assert!(missed_a2_s.abs() < 3e-4, "{missed_a2_s:e}");
-    }
 }
 
 // ---- whole trains ----

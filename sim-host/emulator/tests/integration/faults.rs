@@ -8,7 +8,7 @@ use crate::common::{
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
 use palpate_emulator::{LineFault, ResetCount, firmware};
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Outcome, ResetCause, State};
+use palpate_wire::code::{FaultCode, Outcome, ResetCause};
 use palpate_wire::command::Command;
 
 /// Longest time from the end of a fault to the next sample.
@@ -121,33 +121,6 @@ fn a_converter_that_loses_everything_is_started_anew() {
 }
 
 #[test]
-fn an_absent_converter_and_a_wrong_one_are_reported() {
-    for (fault, code) in [
-        (ChipFault::Absent, FaultCode::SensorAbsent),
-        (
-            ChipFault::WrongIdentity {
-                manufacturer: 0x5449,
-                device: 0x3054,
-            },
-            FaultCode::SensorIdentity,
-        ),
-    ] {
-        let mut bench = RecordedBoard::new();
-        let event = FaultEvent::from(Time::ZERO, fault);
-        bench.board.chip_mut().schedule(event).unwrap();
-        bench.run(Time::from_ms(300));
-        let faults = bench.faults();
-        assert!(
-            faults.iter().any(|it| it.active && it.code == code),
-            "{faults:?}"
-        );
-        bench.board.chip_mut().clear_faults();
-        bench.run(Time::from_ms(50));
-        assert_recovers(&mut bench, &format!("{code:?}"));
-    }
-}
-
-#[test]
 fn an_interrupt_line_that_is_stuck_is_survived() {
     let snapshot = streaming();
     for low in [false, true] {
@@ -169,58 +142,7 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
     }
 }
 
-/// Flagged samples for 40 ms are data; for 100 ms they are a fault, which ends with its cause.
-#[test]
-fn a_sensing_coil_that_opens_is_reported_and_its_return_too() {
-    let mut bench = streaming();
-    let set_hz = |bench: &mut RecordedBoard, hz: f64| {
-        bench.board.plant_mut().frequencies_hz[0] = hz;
-    };
-    set_hz(&mut bench, 0.0);
-    bench.run(Time::from_ms(40));
-    set_hz(&mut bench, crate::common::FREQUENCIES_HZ[0]);
-    bench.run(Time::from_ms(50));
-    assert_eq!(bench.faults(), []);
-    assert!(bench.words().iter().any(|word| word >> 28 != 0));
-    set_hz(&mut bench, 0.0);
-    bench.run(Time::from_ms(100));
-    let faults = bench.faults();
-    let raised = faults.last().expect("a fault");
-    assert_eq!(raised.code, FaultCode::SensorNotOscillating);
-    assert_eq!((raised.active, raised.value), (true, Some(0.0)));
-    // The fault stays for any number of flagged samples.
-    bench.run(Time::from_ms(100));
-    assert_eq!(bench.faults().len(), faults.len(), "{:?}", bench.faults());
-    set_hz(&mut bench, crate::common::FREQUENCIES_HZ[0]);
-    bench.run(Time::from_ms(50));
-    let ended = bench.faults().pop().expect("a fault");
-    assert_eq!((ended.code, ended.active), (raised.code, false));
-}
-
 // ---- the coil and the safe state ----
-
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn the_current_follows_its_course_and_ends() {
-    let mut bench = ramping(image());
-    bench.frames.clear();
-    let mut highest: f64 = 0.0;
-    let is_over = |frame: &palpate_wire::Frame<Record>| match &frame.message {
-        Record::State(change) => change.previous == State::Ramps,
-        _ => false,
-    };
-    while !bench.frames.iter().any(is_over) {
-        bench.run(Time::from_ms(1));
-        highest = highest.max(bench.board.current_a());
-        assert!(bench.frames.len() < 2_000, "the train does not end");
-    }
-    // Half of the ripple is above the mean.
-    assert!((9.8..=10.8).contains(&highest), "{highest}");
-    assert_eq!(bench.board.current_a(), 0.0);
-    let reported_a = bench.samples().filter_map(|(_, sample)| sample.current_a);
-    let highest_a = reported_a.fold(0.0, f32::max);
-    assert!((9.9..=10.1).contains(&highest_a), "{highest_a}");
-}
 
 #[test]
 fn a_command_switches_the_bridge_off() {

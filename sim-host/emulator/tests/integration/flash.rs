@@ -1,12 +1,9 @@
-//! The image with its flash: rewritten while it runs, read again through its own second stage,
-//! replaced by an update.
+//! The image's flash, rewritten and read again through its own second stage.
 
 use ldc161x_sim::Settings;
 use palpate_emulator::{EmulatedBoard, FlashOperationKind, Options, Still, Time};
-use palpate_wire::Record;
-use palpate_wire::code::ResetCause;
 
-use super::common::{DATA as DATA_CHANNEL, FREQUENCIES_HZ, RecordedBoard, image};
+use super::common::{FREQUENCIES_HZ, image};
 
 type Board = EmulatedBoard<Still>;
 
@@ -84,17 +81,6 @@ fn rewriting(board: &Board) -> Vec<Call> {
     ]
 }
 
-/// Reset cause that the image reports at its start.
-fn reset_cause(mut board: Board) -> Option<ResetCause> {
-    // Drops the last run's data in the channel, if memory was kept.
-    board.read_channel(DATA_CHANNEL);
-    let mut board = RecordedBoard::of(board);
-    board.wait_for(Time::from_ms(1_000), |record| match record {
-        Record::Hello(hello) => Some(hello.reset_cause),
-        _ => None,
-    })
-}
-
 #[test]
 fn code_that_was_just_programmed_runs_after_the_images_own_second_stage() {
     let mut board = board();
@@ -130,28 +116,4 @@ fn code_that_was_just_programmed_runs_after_the_images_own_second_stage() {
         .run_until(Time::from_ms(60), |board| board.pc() == end)
         .unwrap_err();
     assert!(stop.to_string().contains("not in XIP mode"), "{stop}");
-}
-
-#[test]
-fn an_update_by_the_boot_loader_keeps_the_other_sectors_and_the_image_runs_again() {
-    let mut board = board();
-    write(&mut board, DATA, b"kept".to_vec());
-    let mut calls = rewriting(&board);
-    calls.push((rom(&board, b"UB"), [0; 4]));
-    begin_calls(&mut board, &calls);
-    board.run_for(Time::from_ms(100)).unwrap();
-    assert!(board.is_in_boot_loader());
-    let file = image().to_uf2();
-    board.write_uf2(&file).unwrap();
-    assert!(!board.is_in_boot_loader());
-    assert_eq!(board.flash().bytes(SECTOR, 4), *b"kept");
-    assert_eq!(reset_cause(board), Some(ResetCause::Software));
-}
-
-#[test]
-fn a_power_cycle_starts_the_image_again() {
-    let mut board = board();
-    board.cycle_power();
-    assert_eq!(board.resets().power, 1);
-    assert_eq!(reset_cause(board), Some(ResetCause::PowerOn));
 }

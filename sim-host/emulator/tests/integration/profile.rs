@@ -1,24 +1,20 @@
 //! Cycle profile: it accounts for all cycles, and does not change the run.
 
-use crate::common::{RecordedBoard, streaming};
+use crate::common::streaming;
 use palpate_emulator::{Sources, Time, firmware};
 
 const LENGTH: Time = Time::from_ms(200);
 
-fn counted() -> (RecordedBoard, palpate_emulator::Profile, f64) {
-    let mut bench = streaming();
+#[test]
+fn the_cycles_of_all_handlers_are_the_time_awake_and_counting_changes_nothing() {
+    let mut plain = streaming();
+    let mut bench = plain.clone();
     let (begin, asleep) = (bench.board.now(), bench.board.time_asleep());
     bench.board.profile(&[]);
     bench.run(LENGTH);
     let profile = bench.board.take_profile().unwrap();
     let passed = bench.board.now() - begin;
     let awake_s = (passed - (bench.board.time_asleep() - asleep)).as_secs_f64();
-    (bench, profile, awake_s)
-}
-
-#[test]
-fn the_cycles_of_all_handlers_are_the_time_awake() {
-    let (bench, profile, awake_s) = counted();
     let cycles: u64 = profile.handlers().values().map(|it| it.cycles).sum();
     let counted_s = cycles as f64 / bench.board.frequencies_hz().0;
     assert!(
@@ -31,29 +27,18 @@ fn the_cycles_of_all_handlers_are_the_time_awake() {
         .map(|(_, it)| it.charged_cycles)
         .sum();
     assert_eq!(executed, charged);
-}
-
-#[test]
-fn the_handler_of_the_edge_runs_once_a_sample_and_starts_at_once() {
-    let (_, profile, _) = counted();
+    // The handler of the edge runs once a sample and starts at once: sixteen cycles at 200 MHz for
+    // the entry, and fetches; nothing delays it for long.
     let edge = profile.handlers()[&(16 + 13)];
     assert!((195..=205).contains(&edge.runs), "{edge:?}");
     let (least, worst) = edge.start.unwrap();
-    // Sixteen cycles at 200 MHz for the entry, and fetches; nothing delays the edge interrupt for
-    // long.
     assert!(least >= Time::from_ns(80), "{edge:?}");
     assert!(worst <= Time::from_us(2), "{edge:?}");
     assert!(edge.worst_cycles < 1_000, "{edge:?}");
-}
-
-#[test]
-fn counting_changes_nothing() {
-    let (counted, ..) = counted();
-    let mut plain = streaming();
     plain.run(LENGTH);
-    assert_eq!(counted.board.instructions(), plain.board.instructions());
-    assert_eq!(counted.board.now(), plain.board.now());
-    assert_eq!(counted.words(), plain.words());
+    assert_eq!(bench.board.instructions(), plain.board.instructions());
+    assert_eq!(bench.board.now(), plain.board.now());
+    assert_eq!(bench.words(), plain.words());
 }
 
 #[test]

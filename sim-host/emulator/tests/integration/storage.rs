@@ -5,9 +5,7 @@
 use std::collections::BTreeSet;
 
 use palpate_emulator::{FlashOperationKind, FlashTimes, Time};
-use palpate_wire::code::{
-    FaultCode, Outcome, RebootTarget, ResetCause, StorageAction, StorageState,
-};
+use palpate_wire::code::{FaultCode, Outcome, RebootTarget, ResetCause, StorageState};
 use palpate_wire::command::{ClearFault, Locate};
 use palpate_wire::{Command, configuration_crc};
 
@@ -62,30 +60,6 @@ fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
         }
     }
     assert!(which.contains(&Which::Old) && which.contains(&Which::New));
-}
-
-#[test]
-fn a_calibration_that_is_not_stored_leaves_the_earlier_one_at_every_step() {
-    let (bench, old) = saved();
-    let new = configuration(2, Amount::Usual);
-    let mut bench = bench;
-    for (step, command) in new.iter().enumerate() {
-        bench.accepted(command);
-        let mut cut = bench.clone();
-        let found = cut.cycle_power();
-        assert!(found.is(&old), "cut after command {step}: {found:?}");
-        let mut abandoned = bench.clone();
-        let loaded = abandoned.with_storage(&Command::Load);
-        assert_eq!(loaded.action, StorageAction::Load);
-        let crc = configuration_crc(&old);
-        assert_eq!(
-            (loaded.stored_crc, loaded.in_force_crc),
-            (crc, crc),
-            "{step}"
-        );
-    }
-    // Everything is set, and nothing stored.
-    assert_ne!(bench.stored().in_force_crc, bench.stored().stored_crc);
 }
 
 #[test]
