@@ -6,18 +6,34 @@ use std::fmt;
 use crate::board::flash::{FlashOperationKind, SECTOR, SIZE};
 use crate::board::plant::Plant;
 use crate::image::FLASH;
-use crate::image::uf2::{self, Uf2Block};
+use crate::image::uf2::{self, Download, Uf2Block};
 use crate::rp2040::rom::RomFunction;
 use crate::rp2040::rom_calls::Step;
 use crate::stop::Stop;
 
-use super::{BootLoader, EmulatedBoard};
+use super::EmulatedBoard;
 
-/// Bit of [`BootLoader::disabled_interfaces`] that disables the drive (2.8.3.1.5).
+/// Bit of the disabled interfaces that disables the drive (2.8.3.1.5).
 const NO_DRIVE: u32 = 1;
 /// Delay from the last block of a complete UF2 to the reset (the boot ROM's source,
 /// `virtual_disk.c`), ms.
 const REBOOT_MS: u32 = 1_000;
+
+/// State of the board in the boot loader.
+#[derive(Clone, Debug)]
+pub(super) struct BootLoader {
+    pub(super) disabled_interfaces: u32,
+    download: Download,
+}
+
+impl BootLoader {
+    pub(super) fn new(disabled_interfaces: u32) -> Self {
+        Self {
+            disabled_interfaces,
+            download: Download::default(),
+        }
+    }
+}
 
 /// Reason why a UF2 was not written completely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,12 +83,6 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub const fn is_in_boot_loader(&self) -> bool {
         self.boot_loader.is_some()
-    }
-
-    /// Start parameters of the boot loader; `None` if the board is not in the boot loader.
-    #[must_use]
-    pub const fn boot_loader(&self) -> Option<&BootLoader> {
-        self.boot_loader.as_ref()
     }
 
     /// Writes a UF2 as the boot loader's drive does, block by block, in the time that the flash

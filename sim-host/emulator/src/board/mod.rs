@@ -1,7 +1,6 @@
 //! The board: the processor's core with all of its surroundings, stepped through time.
 
 mod boot_loader;
-mod boot_loader_state;
 pub(crate) mod bridge;
 pub(crate) mod coil;
 pub(crate) mod converters;
@@ -16,9 +15,9 @@ pub(crate) mod wire;
 use std::ops::Range;
 
 pub use boot_loader::Uf2Error;
-pub use boot_loader_state::BootLoader;
 pub use options::Options;
 
+use boot_loader::BootLoader;
 use ldc161x_sim::{Chip, Settings, Time};
 use palpate_sim::electrical::{Circuit, Totals};
 use rp2040_emu::core::CortexM0Plus;
@@ -44,6 +43,9 @@ use crate::usb::UsbHost;
 /// suppression).
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
+/// Duration of boot ROM and second stage, from a reset to the image's first instruction, with the
+/// ring oscillator as after power on. Guess.
+const BOOT: Time = Time::from_ms(2);
 /// Number of the boot ROM's attempts to find a second stage before it starts its loader. Below, the
 /// duration of one attempt with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half
 /// a second in total; the ROM's source, `bootrom_main.c`): an attempt reads and sums 252 bytes, at
@@ -67,7 +69,6 @@ pub struct EmulatedBoard<P> {
     core: CortexM0Plus,
     bus: SystemBus<P>,
     image: Image,
-    boot: Time,
     resets: ResetCount,
     instructions: u64,
     asleep_ps: u64,
@@ -81,7 +82,6 @@ impl<P: Plant> Clone for EmulatedBoard<P> {
             core: CortexM0Plus::new(),
             bus: self.bus.clone(),
             image: self.image.clone(),
-            boot: self.boot,
             resets: self.resets,
             instructions: self.instructions,
             asleep_ps: self.asleep_ps,
@@ -115,12 +115,10 @@ impl<P: Plant> EmulatedBoard<P> {
         });
         let chip = Chip::new(chip, plant);
         let wire = Wire::new(chip, second, options.record, options.trace);
-        let boot = options.boot;
         let mut board = Self {
             core: CortexM0Plus::new(),
             bus: SystemBus::new(image, options, wire),
             image: image.clone(),
-            boot,
             resets: ResetCount::default(),
             instructions: 0,
             asleep_ps: 0,
@@ -140,14 +138,14 @@ impl<P: Plant> EmulatedBoard<P> {
         self.core = CortexM0Plus::new();
         self.core.cycles = cycles;
         self.boot_loader = None;
-        self.bus.boot_delay(self.by_the_ring(self.boot));
+        self.bus.boot_delay(self.by_the_ring(BOOT));
         self.bus.check_direct_boot();
-        if let Some(masks) = self.bus.rom_calls.usb_boot.take() {
-            self.start_boot_loader(masks);
+        if let Some(disabled_interfaces) = self.bus.rom_calls.usb_boot.take() {
+            self.start_boot_loader(disabled_interfaces);
         } else if self.finds_second_stage() {
             self.start_image();
         } else {
-            self.start_boot_loader([0; 2]);
+            self.start_boot_loader(0);
         }
     }
 
@@ -181,9 +179,9 @@ impl<P: Plant> EmulatedBoard<P> {
             .set_pc(self.bus.memory.word(VECTORS + 4) & !1);
     }
 
-    fn start_boot_loader(&mut self, masks: [u32; 2]) {
+    fn start_boot_loader(&mut self, disabled_interfaces: u32) {
         self.bus.set_boot_loader_clock();
-        self.boot_loader = Some(BootLoader::new(masks));
+        self.boot_loader = Some(BootLoader::new(disabled_interfaces));
     }
 
     fn reset_by_watchdog(&mut self) {
@@ -344,8 +342,7 @@ impl<P: Plant> EmulatedBoard<P> {
     }
 
     /// Whether the core is locked up: a fault within the fault handler.
-    #[must_use]
-    pub fn is_locked_up(&self) -> bool {
+    fn is_locked_up(&self) -> bool {
         let last = self.core.regs.pc().wrapping_sub(2);
         self.core.is_halted()
             && self.core.regs.ipsr() == HARD_FAULT
@@ -520,12 +517,6 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub fn is_disturbed(&self) -> bool {
         self.bus.wire.is_disturbed(self.bus.clock.now_ps())
-    }
-
-    /// Whether the firmware's I2C master is idle.
-    #[must_use]
-    pub fn bus_is_idle(&self) -> bool {
-        self.bus.i2c.is_idle()
     }
 
     /// Whether the firmware drives the bus's wires as plain pins, to free the bus.

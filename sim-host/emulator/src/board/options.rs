@@ -21,11 +21,6 @@ pub struct Options {
     pub miss_cycles: u32,
     /// Rise time of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,
-    /// Duration of boot ROM and second stage, from a reset to the image's first instruction, with
-    /// the ring oscillator as after power on. Guess.
-    pub boot: Time,
-    /// Content of the RAM after power on; real memory has random content.
-    pub ram_fill: u8,
     /// Bridge and current measurement.
     pub drive: BridgeCircuit,
     /// Sensor frequencies of a second converter, Hz, at address 0x2B with INTB at GP9 and SD at
@@ -45,8 +40,6 @@ impl Default for Options {
             flash_times: FlashTimes::default(),
             miss_cycles: 66,
             scl_rise: Time::from_ns(150),
-            boot: Time::from_ms(2),
-            ram_fill: 0xA5,
             drive: BridgeCircuit::default(),
             second_converter: None,
             record: false,

@@ -14,7 +14,6 @@ pub(crate) mod pin {
     pub(crate) const FAULT: usize = 19;
     pub(crate) const LIMIT: usize = 20;
     pub(crate) const CLKIN: usize = 21;
-    pub(crate) const VBUS: usize = 24;
     pub(crate) const LED: usize = 25;
     /// ADC pins: coil current, thermistor, supply, and a third of VSYS, which a Raspberry Pi Pico
     /// connects.

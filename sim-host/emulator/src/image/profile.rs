@@ -248,19 +248,6 @@ mod tests {
     }
 
     #[test]
-    fn an_address_and_its_index_belong_together() {
-        for at in [
-            RAM,
-            RAM + 2,
-            RAM + RAM_SIZE as u32 - 2,
-            FLASH,
-            FLASH + 0x100,
-        ] {
-            assert_eq!(address(index(at)), at, "{at:#x}");
-        }
-    }
-
-    #[test]
     fn what_a_shared_function_costs_is_charged_to_its_caller_in_the_same_handler() {
         let mut profile = profile();
         profile.executed(CODE, 1, 0);
@@ -274,35 +261,5 @@ mod tests {
         assert_eq!(cost(&profile, CODE + 2).charged_cycles, 12);
         assert_eq!(cost(&profile, HELPER).own_cycles, 20);
         assert_eq!(cost(&profile, HELPER).charged_cycles, 0);
-    }
-
-    #[test]
-    fn a_handler_that_is_interrupted_does_not_pay_for_the_other() {
-        let mut profile = profile();
-        profile.entered(16, 16, Time::ZERO);
-        profile.executed(CODE, 4, 16);
-        profile.entered(17, 16, Time::ZERO);
-        profile.executed(CODE + 2, 100, 17);
-        profile.returned();
-        profile.executed(CODE, 4, 16);
-        profile.returned();
-        assert_eq!(profile.handlers()[&16].worst_cycles, 24);
-        assert_eq!(profile.handlers()[&17].worst_cycles, 116);
-        assert_eq!(profile.handlers()[&16].runs, 1);
-    }
-
-    #[test]
-    fn a_start_counts_from_when_the_interrupt_was_pending() {
-        let mut profile = profile();
-        for (since_us, begin_us) in [(10, 12), (20, 25), (30, 31)] {
-            profile.pending(0b10, Time::from_us(since_us));
-            profile.pending(0b10, Time::from_us(since_us + 1));
-            profile.entered(17, 16, Time::from_us(begin_us));
-            profile.returned();
-            profile.pending(0, Time::ZERO);
-        }
-        let handler = profile.handlers()[&17];
-        assert_eq!(handler.start, Some((Time::from_us(1), Time::from_us(5))));
-        assert_eq!(handler.start_jitter(), Time::from_us(4));
     }
 }

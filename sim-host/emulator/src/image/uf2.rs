@@ -167,23 +167,4 @@ mod tests {
             assert_eq!(Uf2Block::parse(&foreign), None, "at {offset}");
         }
     }
-
-    #[test]
-    fn sectors_are_erased_by_block_number_and_the_file_is_whole_with_its_last_block() {
-        let block = |number| Uf2Block {
-            address: 0x1000_0000 + number * 256,
-            number,
-            count: 18,
-            payload: Box::new([0; PAYLOAD]),
-        };
-        let mut download = Download::default();
-        for number in 0..18 {
-            assert!(!download.is_whole());
-            let write = download.take(&block(number)).unwrap();
-            assert_eq!(write.erases, number % 16 == 0, "{number}");
-        }
-        assert!(download.is_whole());
-        assert_eq!(download.take(&block(3)), None, "it came before");
-        assert_eq!(download.take(&block(18)), None, "beyond the file's end");
-    }
 }

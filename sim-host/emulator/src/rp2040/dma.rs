@@ -90,24 +90,3 @@ impl Dma {
         Some(last)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_channels_take_turns_in_a_ring() {
-        let mut dma = Dma::default();
-        let control = ENABLE | HALF_WORDS | WRITES_GO_ON | RING_OF_WRITES | 4 << 6 | ADC << 15;
-        for (base, chained) in [(0x40, 0_u32), (0x00, 1)] {
-            dma.write(base, FIFO).unwrap();
-            dma.write(base + 4, 0x2000_0100).unwrap();
-            dma.write(base + 8, 8).unwrap();
-            let register = if base == 0 { 0x0C } else { 0x10 };
-            dma.write(base + register, control | chained << 11).unwrap();
-        }
-        let addresses: Vec<u32> = (0..20).map(|_| dma.next().unwrap() & 0xF).collect();
-        let ring: Vec<u32> = (0..20).map(|index| 2 * index % 16).collect();
-        assert_eq!(addresses, ring);
-    }
-}

@@ -168,10 +168,6 @@ impl I2c {
         self.due_ps
     }
 
-    pub(crate) fn is_idle(&self) -> bool {
-        self.state == MasterState::Idle
-    }
-
     /// Whether the master drives neither wire; while it drives a wire, it traces the levels of both
     /// itself.
     pub(crate) fn is_off_the_wires(&self) -> bool {

@@ -109,30 +109,6 @@ mod tests {
     }
 
     #[test]
-    fn the_most_urgent_is_taken_first_and_preempts_only_the_less_urgent() {
-        let mut interrupts = controller();
-        interrupts.drive(0b1111, 0);
-        assert_eq!(interrupts.take(0), Some(17));
-        assert_eq!(interrupts.take(1 << 17), None, "nothing is more urgent");
-        assert_eq!(interrupts.take(1 << 16), Some(19));
-        assert_eq!(interrupts.take(1 << 16 | 1 << 19), None);
-    }
-
-    #[test]
-    fn a_line_that_stays_high_comes_again_after_its_handler() {
-        let mut interrupts = controller();
-        interrupts.drive(0b10, 0);
-        assert_eq!(interrupts.take(0), Some(17));
-        interrupts.drive(0b10, 1 << 17);
-        assert!(!interrupts.any(), "not within its own handler");
-        interrupts.drive(0b10, 0);
-        assert_eq!(interrupts.take(0), Some(17));
-        interrupts.drive(0, 1 << 17);
-        interrupts.drive(0, 0);
-        assert!(!interrupts.any());
-    }
-
-    #[test]
     fn nothing_preempts_a_hard_fault() {
         let mut interrupts = controller();
         interrupts.drive(0b10, 0);

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use crate::board::flash::Flash;
 use crate::rp2040::rom;
-use crate::rp2040::xip::{Cache, ReadFormat};
+use crate::rp2040::xip::Cache;
 
 pub(crate) const RAM: u32 = 0x2000_0000;
 /// Size of the RAM, bytes: four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
 pub(crate) const RAM_SIZE: usize = 264 * 1024;
+/// Content of the RAM after power on; real memory has random content.
+const RAM_FILL: u8 = 0xA5;
 /// Mask of the offset in a window of the flash, in which the flash's content repeats.
 const FLASH_MASK: u32 = 0xFF_FFFF;
 
@@ -34,34 +36,24 @@ pub(crate) struct Memory {
     /// Reason why the flash cannot be read in place now.
     pub(crate) closed: Option<&'static str>,
     ram: Vec<u8>,
-    fill: u8,
     pub(crate) cache: Cache,
 }
 
 impl Memory {
-    /// A flash, and a RAM filled with one byte.
-    pub(crate) fn new(flash: Flash, fill: u8, miss_cycles: u32) -> Self {
+    /// A flash, and a RAM as after power on.
+    pub(crate) fn new(flash: Flash, miss_cycles: u32) -> Self {
         Self {
             rom: rom::image(),
             flash,
             closed: None,
-            ram: vec![fill; RAM_SIZE],
-            fill,
+            ram: vec![RAM_FILL; RAM_SIZE],
             cache: Cache::new(miss_cycles),
         }
     }
 
     /// Fills the RAM as at power on.
     pub(crate) fn forget_ram(&mut self) {
-        self.ram.fill(self.fill);
-    }
-
-    /// Sets how the flash is read in place, or why it cannot be.
-    pub(crate) fn follow_flash(&mut self, format: Result<ReadFormat, &'static str>) {
-        self.closed = format.err();
-        if let Ok(format) = format {
-            self.cache.set_format(format);
-        }
+        self.ram.fill(RAM_FILL);
     }
 
     /// Whether an address is memory.

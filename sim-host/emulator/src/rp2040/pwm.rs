@@ -499,71 +499,6 @@ mod tests {
         pwm
     }
 
-    fn is_high(pwm: &Pwm, now_ps: u64) -> bool {
-        pwm.wave(0).is_high(0, now_ps)
-    }
-
-    #[test]
-    fn a_new_level_comes_at_the_wrap() {
-        let mut pwm = running();
-        assert!(is_high(&pwm, 20_000_000) && !is_high(&pwm, 30_000_000));
-        pwm.write(0x0C, 0, 10_000_000).unwrap();
-        assert!(is_high(&pwm, 20_000_000));
-        let due = pwm.next_event(10_000_000).unwrap();
-        assert!(due.abs_diff(50_000_000) < 10_000, "{due}");
-        assert_eq!(pwm.latches_by(0, due), Some(due));
-        pwm.service(due);
-        assert!(!is_high(&pwm, due + 1));
-        assert_eq!(pwm.next_event(due), None);
-    }
-
-    #[test]
-    fn edges_come_at_every_wrap_and_every_level() {
-        let pwm = running();
-        let us = 1_000_000;
-        let edges = pwm.edges(0, false, (10 * us, 110 * us));
-        assert_eq!(
-            edges,
-            [
-                (10 * us, true),
-                (25 * us, false),
-                (50 * us, true),
-                (75 * us, false),
-                (100 * us, true),
-            ]
-        );
-        assert_eq!(pwm.edges(0, true, (0, 110 * us)), [(0, false)]);
-    }
-
-    #[test]
-    fn a_stopped_slice_holds_its_output() {
-        let mut pwm = running();
-        pwm.write(0x00, 0, 10_000_000).unwrap();
-        assert!(is_high(&pwm, 40_000_000), "stopped within the pulse");
-    }
-
-    #[test]
-    fn phase_correct_pulses_are_centred_on_the_wrap() {
-        let mut pwm = Pwm::new(HZ);
-        pwm.write(0x10, 1_599, 0).unwrap();
-        pwm.write(0x0C, 400 << 16 | 1_600, 0).unwrap();
-        pwm.write(0x00, 0b11, 0).unwrap();
-        let wave = pwm.wave(0);
-        let edges: Vec<u64> = (0..3)
-            .scan(0, |now, _| {
-                *now = wave.next_edge(1, *now)?;
-                Some(*now / 1_000)
-            })
-            .collect();
-        // 400 steps of 5 ns after each wrap, and as many before the next, at 16 us.
-        assert_eq!(edges, [2_000, 14_000, 18_000]);
-        assert!(wave.is_high(1, 1_000_000) && !wave.is_high(1, 8_000_000));
-        assert_eq!(wave.next_edge(0, 0), None);
-        assert!(wave.is_high(0, 8_000_000));
-        // 15.002 us are 3 000.4 steps: 3 000 of 3 200, on the way down.
-        assert_eq!(pwm.read(0x08, 15_002_000), Some(199));
-    }
-
     #[test]
     fn levels_before_the_wrap_are_distinguished_from_those_behind_it() {
         let mut pwm = Pwm::new(HZ);
@@ -586,24 +521,6 @@ mod tests {
     }
 
     #[test]
-    fn wraps_interrupt_where_they_are_enabled_and_never_drift() {
-        let mut pwm = Pwm::new(HZ);
-        pwm.write(0x14 + 0x10, 3_199, 0).unwrap();
-        pwm.write(0x14 + 0x08, 1_150, 0).unwrap();
-        pwm.write(0xA8, 0b10, 0).unwrap();
-        pwm.write(0xA0, 0b10, 0).unwrap();
-        let mut now = 0;
-        for wrap in 0..1_000 {
-            now = pwm.next_event(now).unwrap();
-            assert!(now.abs_diff(10_250_000 + 16_000_000 * wrap) < 10, "{now}");
-            pwm.service(now + 40_000);
-            assert!(pwm.line());
-            pwm.write(0xA4, 0b10, now + 90_000).unwrap();
-            assert!(!pwm.line());
-        }
-    }
-
-    #[test]
     fn a_wrap_from_before_the_interrupt_was_enabled_waits_in_its_flag() {
         let mut pwm = running();
         assert_eq!(pwm.read(0xA4, 49_000_000), Some(0));
@@ -614,15 +531,5 @@ mod tests {
         assert!(!pwm.line());
         pwm.service(pwm.next_event(60_000_000).unwrap());
         assert!(pwm.line(), "of the wrap at 100 us");
-    }
-
-    #[test]
-    fn falling_edges_are_counted() {
-        let mut pwm = Pwm::new(HZ);
-        pwm.write(3 * 0x14, 1 | FALLING << 4, 0).unwrap();
-        for _ in 0..3 {
-            pwm.falling_edge(3);
-        }
-        assert_eq!(pwm.read(3 * 0x14 + 8, 0), Some(3));
     }
 }

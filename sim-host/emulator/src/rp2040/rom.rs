@@ -1,9 +1,8 @@
-//! The boot ROM: its tables and functions (RP2040 datasheet 2.8.2, 2.8.3), in Thumb code of this
-//! project.
+//! The boot ROM: its tables and its functions for the flash and the boot loader (RP2040 datasheet
+//! 2.8.2, 2.8.3), in Thumb code of this project.
 //!
-//! Functions that compute are real code. Functions that drive the flash pass their arguments to a
-//! private register block of the emulator and poll until the emulator has finished, so interrupts
-//! arrive meanwhile, as on the chip.
+//! A function passes its arguments to a private register block of the emulator and polls until the
+//! emulator has finished, so interrupts arrive meanwhile, as on the chip.
 
 use std::sync::{Arc, OnceLock};
 
@@ -25,21 +24,17 @@ pub(crate) enum RomFunction {
     FlashRangeErase,
     FlashRangeProgram,
     FlashFlushCache,
-    FlashEnterCmdXip,
     ResetToUsbBoot,
-    WaitForVector,
 }
 
 impl RomFunction {
-    const ALL: [(Self, [u8; 2]); 8] = [
+    const ALL: [(Self, [u8; 2]); 6] = [
         (Self::ConnectInternalFlash, *b"IF"),
         (Self::FlashExitXip, *b"EX"),
         (Self::FlashRangeErase, *b"RE"),
         (Self::FlashRangeProgram, *b"RP"),
         (Self::FlashFlushCache, *b"FC"),
-        (Self::FlashEnterCmdXip, *b"CX"),
         (Self::ResetToUsbBoot, *b"UB"),
-        (Self::WaitForVector, *b"WV"),
     ];
 
     /// Function of a written number.
@@ -62,76 +57,6 @@ const TABLE_LOOKUP: [u16; 11] = [
     0x4770, //    bx   lr
     0x2000, // 2: movs r0, #0
     0x4770, //    bx   lr
-];
-
-/// r0 = number of ones in r0.
-const POPCOUNT32: [u16; 8] = [
-    0x2100, //    movs r1, #0
-    0x2200, //    movs r2, #0
-    0x0840, // 1: lsrs r0, r0, #1
-    0x4151, //    adcs r1, r2
-    0x2800, //    cmp  r0, #0
-    0xD1FB, //    bne  1b
-    0x0008, //    movs r0, r1
-    0x4770, //    bx   lr
-];
-
-/// r0 = r0 with its bits reversed.
-const REVERSE32: [u16; 8] = [
-    0x2100, //    movs r1, #0
-    0x2220, //    movs r2, #32
-    0x0840, // 1: lsrs r0, r0, #1
-    0x4149, //    adcs r1, r1
-    0x3A01, //    subs r2, #1
-    0xD1FB, //    bne  1b
-    0x0008, //    movs r0, r1
-    0x4770, //    bx   lr
-];
-
-/// r0 = number of leading zeros of r0.
-const CLZ32: [u16; 8] = [
-    0x2120, //    movs r1, #32
-    0x2800, // 1: cmp  r0, #0
-    0xD002, //    beq  2f
-    0x3901, //    subs r1, #1
-    0x0840, //    lsrs r0, r0, #1
-    0xE7FA, //    b    1b
-    0x0008, // 2: movs r0, r1
-    0x4770, //    bx   lr
-];
-
-/// r0 = number of trailing zeros of r0.
-const CTZ32: [u16; 8] = [
-    0x2120, //    movs r1, #32
-    0x2800, // 1: cmp  r0, #0
-    0xD002, //    beq  2f
-    0x3901, //    subs r1, #1
-    0x0040, //    lsls r0, r0, #1
-    0xE7FA, //    b    1b
-    0x0008, // 2: movs r0, r1
-    0x4770, //    bx   lr
-];
-
-/// Sets r2 bytes from r0 on to r1. Byte by byte: slower than the chip's function.
-const MEMSET: [u16; 7] = [
-    0x2300, //    movs r3, #0
-    0x4293, // 1: cmp  r3, r2
-    0xD202, //    bhs  2f
-    0x54C1, //    strb r1, [r0, r3]
-    0x3301, //    adds r3, #1
-    0xE7FA, //    b    1b
-    0x4770, // 2: bx   lr
-];
-
-/// Copies r2 bytes from r1 on to r0. Byte by byte: slower than the chip's function.
-const MEMCPY: [u16; 7] = [
-    0x2A00, // 1: cmp  r2, #0
-    0xD003, //    beq  2f
-    0x3A01, //    subs r2, #1
-    0x5C8B, //    ldrb r3, [r1, r2]
-    0x5483, //    strb r3, [r0, r2]
-    0xE7F9, //    b    1b
-    0x4770, // 2: bx   lr
 ];
 
 /// Passes r0 to r3 and the number of a function to the emulator, and waits until the function ends.
@@ -211,22 +136,10 @@ impl Builder {
     }
 
     fn functions(&mut self) -> Vec<([u8; 2], u16)> {
-        let set = self.code(&MEMSET);
-        let copy = self.code(&MEMCPY);
-        let mut functions = vec![
-            (*b"P3", self.code(&POPCOUNT32)),
-            (*b"R3", self.code(&REVERSE32)),
-            (*b"L3", self.code(&CLZ32)),
-            (*b"T3", self.code(&CTZ32)),
-            (*b"MS", set),
-            (*b"S4", set),
-            (*b"MC", copy),
-            (*b"C4", copy),
-        ];
-        for (number, (_, code)) in (1..).zip(RomFunction::ALL) {
-            functions.push((code, self.code(&call(number))));
-        }
-        functions
+        let numbered = (1..).zip(RomFunction::ALL);
+        numbered
+            .map(|(number, (_, code))| (code, self.code(&call(number))))
+            .collect()
     }
 
     /// Adds code; returns its address for a branch, with the Thumb bit.

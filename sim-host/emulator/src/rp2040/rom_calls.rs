@@ -63,8 +63,8 @@ pub(crate) struct RomCalls {
     pub(crate) running: Option<Running>,
     /// Whether `connect_internal_flash` was called, and no `flash_flush_cache` since.
     pub(crate) is_connected: bool,
-    /// Masks for the start of the boot loader: activity pins, disabled interfaces.
-    pub(crate) usb_boot: Option<[u32; 2]>,
+    /// Interfaces that the boot loader is started without.
+    pub(crate) usb_boot: Option<u32>,
 }
 
 impl RomCalls {

@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 
 use crate::board::flash::Flash;
-use crate::rp2040::xip::ReadFormat;
 use crate::stop::Refusal;
 use crate::time::periods_ps;
 
@@ -44,12 +43,8 @@ const VERSION_4_01: u32 = 0x3430_312A;
 
 /// CTRLR0: bytes in both directions on one wire.
 const BYTES: u32 = 7 << 16;
-/// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on one wire.
-const READ_SERIAL: u32 = 31 << 16 | 3 << 8;
 /// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on four wires.
-const READ_QUAD: u32 = 2 << 21 | READ_SERIAL;
-/// SPI_CTRLR0: command 03h before each address of 24 bits, all on one wire.
-const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
+const READ_QUAD: u32 = 2 << 21 | 31 << 16 | 3 << 8;
 /// SPI_CTRLR0: a command on one wire, then address and mode bits on four, and four wait clocks: the
 /// read that makes the flash continuous.
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
@@ -141,22 +136,12 @@ impl Ssi {
 
     /// `flash_exit_xip`: byte transfers on one wire.
     pub(crate) fn set_serial(&mut self) {
-        self.configure(BYTES, self.spi_control);
+        self.clear_queues();
+        self.control = BYTES;
+        self.is_enabled = true;
         self.divider = ROM_DIVIDER;
         self.slaves = 1;
         self.select = Override::Normal;
-    }
-
-    /// `flash_enter_cmd_xip`: command 03h for each read.
-    pub(crate) fn set_command_xip(&mut self) {
-        self.configure(READ_SERIAL, EACH_SERIAL);
-    }
-
-    fn configure(&mut self, control: u32, spi_control: u32) {
-        self.clear_queues();
-        self.control = control;
-        self.spi_control = spi_control;
-        self.is_enabled = true;
     }
 
     /// Drives chip select high by software, as the ROM leaves it after its commands.
@@ -186,32 +171,24 @@ impl Ssi {
 
     // ---- execute in place ----
 
-    /// Read format for execution in place, or the reason why it is impossible.
-    pub(crate) fn read_format(&self, flash: &Flash) -> Result<ReadFormat, &'static str> {
+    /// Reason why the flash cannot be executed in place, if it cannot.
+    pub(crate) fn closed(&self, flash: &Flash) -> Option<&'static str> {
         if flash.is_busy() {
-            return Err(
+            return Some(
                 "reads flash that erases or programs: what runs meanwhile, and its data, must lie \
                  in RAM",
             );
         }
         if self.select != Override::Normal {
-            return Err(
+            return Some(
                 "reads flash whose chip select is driven by hand: flash_flush_cache gives it back",
             );
         }
         let is_ready = self.is_enabled && self.is_connected() && self.slaves == 1;
-        match (self.control, self.spi_control) {
-            (READ_QUAD, EACH_QUAD) if is_ready && flash.is_continuous() => Ok(ReadFormat::Quad),
-            (READ_SERIAL, EACH_SERIAL) if is_ready && !flash.is_continuous() => {
-                Ok(ReadFormat::Serial {
-                    divider: self.divider,
-                })
-            }
-            _ => Err(
-                "reads flash that is not in XIP mode: flash_enter_cmd_xip or the second stage, run \
-                 from RAM, enters it",
-            ),
-        }
+        let is_quad = (self.control, self.spi_control) == (READ_QUAD, EACH_QUAD);
+        (!is_ready || !is_quad || !flash.is_continuous()).then_some(
+            "reads flash that is not in XIP mode: the second stage, run from RAM, enters it",
+        )
     }
 
     // ---- registers of the SSI ----

@@ -5,27 +5,10 @@
 const LINE: u32 = 8;
 const SETS: usize = 1024;
 
-/// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet, instructions).
-const SERIAL_CLOCKS: u32 = 32;
-/// Cycles of a fetch in addition to the flash clocks: the measured cost of a word, 50 cycles, less
-/// 20 flash clocks of two cycles (`Options::miss_cycles`).
-const FETCH_CYCLES: u32 = 10;
 /// Cycles of the second word of a line on four wires: eight flash clocks of two cycles.
 const QUAD_WORD_CYCLES: u32 = 16;
 /// Cycles of a flush: one per line of a way (2.6.3.2).
 pub(crate) const FLUSH_CYCLES: u64 = SETS as u64;
-
-/// Format of reads from the flash in place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ReadFormat {
-    /// On four wires, as set up by the second stage.
-    Quad,
-    /// On one wire by command 03h, as set up by the boot ROM (2.8.3, `flash_enter_cmd_xip`).
-    Serial {
-        /// System cycles per flash clock.
-        divider: u32,
-    },
-}
 
 /// The execute-in-place cache: 16 KiB, two ways, one cycle per hit.
 #[derive(Clone, Debug)]
@@ -34,9 +17,8 @@ pub(crate) struct Cache {
     /// Most recently used way of each set.
     recent: Vec<u8>,
     last_line: u32,
-    format: ReadFormat,
     /// Cycles to fetch a line on four wires.
-    quad_cycles: u32,
+    line_cycles: u32,
     pub(crate) hits: u64,
     pub(crate) misses: u64,
 }
@@ -50,8 +32,7 @@ impl Cache {
             tags: vec![[EMPTY; 2]; SETS],
             recent: vec![0; SETS],
             last_line: EMPTY,
-            format: ReadFormat::Quad,
-            quad_cycles: miss_cycles,
+            line_cycles: miss_cycles,
             hits: 0,
             misses: 0,
         }
@@ -62,26 +43,9 @@ impl Cache {
         self.last_line = EMPTY;
     }
 
-    /// Changes the read format from now on.
-    pub(crate) const fn set_format(&mut self, format: ReadFormat) {
-        self.format = format;
-    }
-
-    const fn line_cycles(&self) -> u32 {
-        match self.format {
-            ReadFormat::Quad => self.quad_cycles,
-            ReadFormat::Serial { divider } => FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE) * divider,
-        }
-    }
-
     /// Wait cycles of an uncached word: half a line.
     pub(crate) const fn word_cycles(&self) -> u32 {
-        match self.format {
-            ReadFormat::Quad => self.quad_cycles.saturating_sub(QUAD_WORD_CYCLES),
-            ReadFormat::Serial { divider } => {
-                FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE / 2) * divider
-            }
-        }
+        self.line_cycles.saturating_sub(QUAD_WORD_CYCLES)
     }
 
     /// Wait cycles of an access that uses the cache without changing it.
@@ -100,7 +64,7 @@ impl Cache {
         let line = address / LINE;
         self.last_line = line;
         self.look_up(line);
-        self.line_cycles()
+        self.line_cycles
     }
 
     /// Wait cycles of an access to a flash address.
@@ -117,7 +81,7 @@ impl Cache {
     fn look_up(&mut self, line: u32) -> u32 {
         let set = line as usize % SETS;
         let (Some(tags), Some(recent)) = (self.tags.get_mut(set), self.recent.get_mut(set)) else {
-            return self.line_cycles();
+            return self.line_cycles;
         };
         if tags[0] == line {
             *recent = 0;
@@ -128,7 +92,7 @@ impl Cache {
             tags[usize::from(way)] = line;
             *recent = way;
             self.misses += 1;
-            return self.line_cycles();
+            return self.line_cycles;
         }
         self.hits += 1;
         0

@@ -173,26 +173,6 @@ mod tests {
     }
 
     #[test]
-    fn identifiers_and_data_come_behind_their_commands() {
-        let mut flash = flash();
-        assert_eq!(
-            exchange(&mut flash, &[0x9F, 0, 0, 0])[1..],
-            [0xEF, 0x40, 0x15]
-        );
-        let answer = exchange(&mut flash, &[&[0x4B], &[0; 12][..]].concat());
-        assert_eq!(answer[5..], flash.unique_id());
-        assert_eq!(
-            exchange(&mut flash, &[0x03, 0, 0, 0x10, 0, 0])[4..],
-            [0x10, 0x11]
-        );
-        assert_eq!(
-            exchange(&mut flash, &[0x0B, 0, 0, 0x10, 0, 0, 0])[5..],
-            [0x10, 0x11]
-        );
-        assert_eq!(exchange(&mut flash, &[0x35, 0])[1], 0x02);
-    }
-
-    #[test]
     fn the_status_shows_enabling_and_work_and_other_commands_wait() {
         let mut flash = flash();
         let status = |flash: &mut Flash| exchange(flash, &[0x05, 0])[1];

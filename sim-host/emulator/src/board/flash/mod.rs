@@ -87,7 +87,6 @@ pub struct FlashOperation {
 pub struct Flash {
     sectors: Sectors,
     times: FlashTimes,
-    erase_counts: Arc<Vec<u32>>,
     /// Start addresses of the worn-out sectors.
     worn: Arc<BTreeSet<u32>>,
     log: Arc<Vec<FlashOperation>>,
@@ -122,7 +121,6 @@ impl Flash {
         Self {
             sectors: Sectors::new(contents),
             times,
-            erase_counts: Arc::new(vec![0; SIZE / SECTOR]),
             worn: Arc::default(),
             log: Arc::default(),
             unique_id,
@@ -184,12 +182,6 @@ impl Flash {
     /// nothing.
     pub fn wear_out(&mut self, address: u32) {
         Arc::make_mut(&mut self.worn).insert(sector_of(address));
-    }
-
-    /// Erase count of each sector, including erases of the sector's block.
-    #[must_use]
-    pub fn erase_counts(&self) -> &[u32] {
-        &self.erase_counts
     }
 
     /// All operations so far, in order of their start.
@@ -286,7 +278,6 @@ impl Flash {
             address: (address % SIZE as u32) & !(kind.bytes() - 1),
         };
         Arc::make_mut(&mut self.log).push(operation);
-        self.count_erase(operation);
         let ends_ps = now_ps + kind.time(self.times).as_ps();
         self.schedule_cut(now_ps, ends_ps);
         self.running = Some(Running {
@@ -300,18 +291,6 @@ impl Flash {
     /// Command 06h: enables the next operation.
     pub(crate) const fn enable_write(&mut self) {
         self.write_enabled = !self.is_busy();
-    }
-
-    fn count_erase(&mut self, operation: FlashOperation) {
-        if operation.kind == FlashOperationKind::ProgramPage {
-            return;
-        }
-        let first = operation.address as usize / SECTOR;
-        let sectors = operation.kind.bytes() as usize / SECTOR;
-        let counts = Arc::make_mut(&mut self.erase_counts);
-        for count in counts.iter_mut().skip(first).take(sectors) {
-            *count += 1;
-        }
     }
 
     fn schedule_cut(&mut self, now_ps: u64, ends_ps: u64) {
@@ -472,97 +451,6 @@ mod tests {
         assert_eq!(flash.operations().len(), 1);
     }
 
-    #[test]
-    fn erases_are_counted_by_sector_and_blocks_in_each_of_theirs() {
-        let mut flash = flash();
-        operate(
-            &mut flash,
-            FlashOperationKind::EraseSector,
-            0x8FFF,
-            [0; PAGE],
-        );
-        operate(
-            &mut flash,
-            FlashOperationKind::EraseBlock32,
-            0x8000,
-            [0; PAGE],
-        );
-        operate(
-            &mut flash,
-            FlashOperationKind::EraseBlock64,
-            0x1234,
-            [0; PAGE],
-        );
-        operate(
-            &mut flash,
-            FlashOperationKind::ProgramPage,
-            0x8000,
-            [0; PAGE],
-        );
-        let counts = flash.erase_counts();
-        assert_eq!(counts[..8], [1; 8]);
-        assert_eq!(counts[8..16], [3, 2, 2, 2, 2, 2, 2, 2]);
-        assert_eq!(counts[16..].iter().sum::<u32>(), 0);
-        let addresses: Vec<u32> = flash.operations().iter().map(|op| op.address).collect();
-        assert_eq!(addresses, [0x8000, 0x8000, 0, 0x8000]);
-    }
-
-    #[test]
-    fn a_worn_sector_takes_nothing_and_its_neighbours_do() {
-        use FlashOperationKind::{EraseBlock32, ProgramPage};
-        let mut flash = Flash::new(&vec![0x3C; SIZE], FlashTimes::Typical, 1);
-        flash.wear_out(0x1234);
-        operate(&mut flash, EraseBlock32, 0, [0; PAGE]);
-        operate(&mut flash, ProgramPage, 0x1000, [0; PAGE]);
-        operate(&mut flash, ProgramPage, 0x2000, [0; PAGE]);
-        assert_eq!(flash.bytes(0x1000, 0x1000), vec![0x3C; 0x1000]);
-        assert_eq!((flash.byte(0xFFF), flash.byte(0x2000)), (0xFF, 0));
-        assert_eq!(flash.operations().len(), 3);
-    }
-
-    #[test]
-    fn contents_are_exported_imported_and_flipped() {
-        let mut flash = flash();
-        flash.import(&[1, 2, 3]);
-        assert_eq!(flash.bytes(0, 4), [1, 2, 3, 0xFF]);
-        flash.flip_bit(2, 7);
-        assert_eq!(flash.byte(2), 0x83);
-        let mut other = Flash::new(&[], FlashTimes::Typical, 9);
-        other.import(&flash.export());
-        assert_eq!(other.export(), flash.export());
-        assert_eq!(flash.export().len(), SIZE);
-    }
-
-    #[test]
-    fn the_last_address_is_followed_by_the_first() {
-        let mut flash = flash();
-        flash.import(&[0x11, 0x22]);
-        flash.flip_bit(SIZE as u32 - 1, 0);
-        assert_eq!(flash.bytes(SIZE as u32 - 1, 3), [0xFE, 0x11, 0x22]);
-        assert_eq!(flash.word(SIZE as u32 - 2), 0x2211_FEFF);
-        assert_eq!(flash.word(u32::MAX), 0xFF22_11FE);
-    }
-
-    #[test]
-    fn a_clone_shares_the_sectors_that_neither_has_changed() {
-        let mut flash = Flash::new(&vec![0x55; SIZE], FlashTimes::Typical, 1);
-        let snapshot = flash.clone();
-        operate(&mut flash, FlashOperationKind::EraseSector, 0, [0; PAGE]);
-        assert_eq!(snapshot.bytes(0, 2), [0x55; 2]);
-        assert_eq!(flash.bytes(0, 2), [0xFF; 2]);
-        assert_eq!(snapshot.erase_counts()[0], 0);
-        assert_ne!(flash, snapshot);
-        let shared = flash.sectors.shared_with(&snapshot.sectors);
-        assert_eq!(shared, SIZE / SECTOR - 1);
-    }
-
-    #[test]
-    fn the_identifier_follows_from_the_seed() {
-        let of = |seed| Flash::new(&[], FlashTimes::Typical, seed).unique_id();
-        assert_eq!(of(1), of(1));
-        assert_ne!(of(1), of(2));
-    }
-
     /// A flash whose power failed in one operation, and the share of the operation's duration until
     /// then.
     fn cut(seed: u64, kind: FlashOperationKind, before: u8, page: u8) -> (Flash, f64) {
@@ -616,27 +504,6 @@ mod tests {
             assert_eq!(flash.byte(SECTOR as u32), 0x0F);
         }
         assert!((5..30).contains(&cleared), "{cleared}");
-    }
-
-    #[test]
-    fn the_power_fails_in_the_operation_that_was_named_and_in_no_other() {
-        for number in 0..3 {
-            let mut flash = flash();
-            flash.cut_power_at_operation(number);
-            for address in 0..number as u32 {
-                operate(
-                    &mut flash,
-                    FlashOperationKind::ProgramPage,
-                    address * 256,
-                    [0; PAGE],
-                );
-            }
-            flash.enable_write();
-            flash.begin(FlashOperationKind::EraseSector, 0, Box::new([0; PAGE]), 0);
-            assert!(flash.has_lost_power(45 * MS), "{number}");
-            flash.cycle_power(45 * MS);
-            operate(&mut flash, FlashOperationKind::EraseSector, 0, [0; PAGE]);
-        }
     }
 
     /// One action of a test on the flash.

@@ -94,12 +94,3 @@ impl Sectors {
         }
     }
 }
-
-#[cfg(test)]
-impl Sectors {
-    /// Number of sectors that share memory with `other`.
-    pub(super) fn shared_with(&self, other: &Self) -> usize {
-        let pairs = self.0.iter().zip(&other.0);
-        pairs.filter(|(one, two)| Arc::ptr_eq(one, two)).count()
-    }
-}

@@ -137,10 +137,9 @@ impl<P: Plant> SystemBus<P> {
         self.memory.cache.flush();
     }
 
-    /// Updates whether the flash can be read in place, and how.
+    /// Updates whether the flash can be read in place.
     pub(crate) fn follow_flash(&mut self) {
-        let format = self.ssi.read_format(&self.memory.flash);
-        self.memory.follow_flash(format);
+        self.memory.closed = self.ssi.closed(&self.memory.flash);
     }
 
     /// Stops the run at a start at an address from the watchdog's scratch registers (2.8.1.1).

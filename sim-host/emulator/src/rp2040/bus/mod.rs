@@ -79,7 +79,7 @@ impl<P: Plant> SystemBus<P> {
         let conditions = wire.converters.first.sensors().conditions();
         let flash = Flash::new(&image.flash, options.flash_times, options.seed);
         let mut bus = Self {
-            memory: Memory::new(flash, options.ram_fill, options.miss_cycles),
+            memory: Memory::new(flash, options.miss_cycles),
             private: Private::new(),
             clock: Clock::new(BOOT_HZ),
             pc: 0,
@@ -619,40 +619,6 @@ mod tests {
     }
 
     #[test]
-    fn the_usb_memory_takes_bytes_half_words_and_words_and_has_no_other_views() {
-        let mut bus = bus();
-        bus.write32(base::USB_MEMORY + 0x100, 0x4433_2211);
-        bus.write8(base::USB_MEMORY + 0x101, 0xAA);
-        bus.write16(base::USB_MEMORY + 0x102, 0xCCBB);
-        assert_eq!(bus.read32(base::USB_MEMORY + 0x100), 0xCCBB_AA11);
-        assert_eq!(bus.read8(base::USB_MEMORY + 0x103), 0xCC);
-        assert_eq!(bus.read16(base::USB_MEMORY + 0x100), 0xAA11);
-        assert_eq!(bus.stop, None);
-        bus.write32(base::USB_MEMORY + 0x2100, 1);
-        assert!(
-            matches!(bus.stop, Some(Stop::Unmodelled { .. })),
-            "{:?}",
-            bus.stop
-        );
-    }
-
-    #[test]
-    fn usb_registers_have_four_views_and_interrupt_number_five() {
-        let mut bus = bus();
-        attach(&mut bus);
-        bus.write32(0xE000_E100, 1 << 5);
-        bus.write32(base::USB + 0x2090, 0b101 << 12);
-        bus.write32(base::USB + 0x1090, 0b110 << 12);
-        bus.write32(base::USB + 0x3090, 0b010 << 12);
-        assert_eq!(bus.read32(base::USB + 0x90), 1 << 12);
-        assert_eq!(bus.private.interrupts.pending(), 1 << 5);
-        bus.write32(base::USB + 0x3050, 1 << 19);
-        bus.write32(0xE000_E280, 1 << 5);
-        assert_eq!(bus.private.interrupts.pending(), 0);
-        assert_eq!(bus.stop, None);
-    }
-
-    #[test]
     fn a_usb_controller_in_reset_or_without_its_clock_ends_the_run() {
         let mut held = bus();
         held.write32(base::RESETS + 0x2000, block::USB);
@@ -710,38 +676,5 @@ mod tests {
             "not locked again: {:?}",
             bus.stop
         );
-    }
-
-    #[test]
-    fn a_reset_of_the_usb_block_takes_the_device_from_the_bus() {
-        let mut bus = bus();
-        attach(&mut bus);
-        assert_eq!(bus.usb.host.state(), usb::UsbState::Resetting);
-        bus.write32(base::RESETS + 0x2000, block::USB);
-        assert_eq!(bus.usb.host.state(), usb::UsbState::Powered);
-        assert_eq!(bus.usb.next_event(), None);
-    }
-
-    #[test]
-    fn the_pin_of_vbus_follows_the_cable() {
-        let mut bus = bus();
-        let level = |bus: &mut SystemBus<Still>| bus.read32(0xD000_0004) >> 24 & 1;
-        assert_eq!(level(&mut bus), 0);
-        bus.usb.host.plug();
-        bus.service();
-        assert_eq!(level(&mut bus), 1);
-        bus.usb.host.unplug();
-        bus.service();
-        assert_eq!(level(&mut bus), 0);
-    }
-
-    #[test]
-    fn dma_answers_at_its_own_addresses_only() {
-        let mut bus = bus();
-        bus.write32(base::RESETS, 0);
-        bus.read32(base::DMA);
-        assert_eq!(bus.stop, None);
-        bus.read32(0x5020_0000);
-        assert!(matches!(bus.stop, Some(Stop::Unmodelled { .. })));
     }
 }

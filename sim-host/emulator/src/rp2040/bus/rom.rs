@@ -71,15 +71,7 @@ impl<P: Plant> SystemBus<P> {
                 self.wait(function, FLUSH_CYCLES);
                 Ok(())
             }
-            RomFunction::FlashEnterCmdXip => {
-                self.ssi.set_command_xip();
-                self.wait(function, 0);
-                Ok(())
-            }
             RomFunction::ResetToUsbBoot => self.reset_to_usb_boot(),
-            RomFunction::WaitForVector => Err(Refusal::Misuse(
-                "calls wait_for_vector, which is for the second core; it is not modelled",
-            )),
         }
     }
 
@@ -159,7 +151,7 @@ impl<P: Plant> SystemBus<P> {
     /// Ends in a watchdog reset; until then interrupts continue.
     fn reset_to_usb_boot(&mut self) -> Result<(), Refusal> {
         let [activity_pins, disabled_interfaces, ..] = self.rom_calls.arguments;
-        self.rom_calls.usb_boot = Some([activity_pins, disabled_interfaces]);
+        self.rom_calls.usb_boot = Some(disabled_interfaces);
         self.reboot_by_watchdog(USB_BOOT_MS)
             .ok_or(Refusal::Unmodelled)?;
         // The masks wait in the first two scratch registers (the boot ROM's source), and overwrite

@@ -20,7 +20,6 @@ impl<P: Plant> SystemBus<P> {
         for pin in [pin::INTB, pin::SECOND_INTB, pin::FAULT] {
             self.gpio.drive(pin, true);
         }
-        self.gpio.drive(pin::VBUS, false);
     }
 
     /// Updates the outside from the pins, and the pins from the outside.
@@ -32,7 +31,6 @@ impl<P: Plant> SystemBus<P> {
         self.follow_shutdown();
         self.follow_plain_bus(now_ps);
         self.follow_bridge(now_ps);
-        self.follow_vbus();
         self.follow_trace(now_ps);
     }
 
@@ -113,16 +111,6 @@ impl<P: Plant> SystemBus<P> {
             if self.gpio.level(pin) != high || self.gpio.pulls_low(pin) {
                 self.gpio.drive(pin, high);
             }
-        }
-    }
-
-    // ---- USB ----
-
-    /// Updates the VBUS pin of the Raspberry Pi Pico (its datasheet, 2.1).
-    fn follow_vbus(&mut self) {
-        let high = self.usb.host.has_vbus();
-        if self.gpio.level(pin::VBUS) != high {
-            self.gpio.drive(pin::VBUS, high);
         }
     }
 
