@@ -318,6 +318,31 @@ fn what_is_in_force_is_stored_and_both_are_reported() {
 }
 
 #[test]
+fn a_calibration_that_is_abandoned_at_any_step_leaves_the_earlier_one() {
+    let earlier = in_order(&configured(500.0, 1));
+    let later = configured(250.0, 2);
+    let crc = configuration_crc(&earlier);
+    for step in 0..=later.len() {
+        let mut desk = Desk::new(&earlier).begun();
+        for command in &later[..step] {
+            desk.accepted(command.clone());
+        }
+        for mut desk in [desk.clone(), desk.power_cycled()] {
+            desk.accepted(Command::Load);
+            desk.settle();
+            let storage = desk.storage();
+            assert_eq!(
+                (storage.stored_crc, storage.in_force_crc, desk.crc()),
+                (crc, crc, crc),
+                "step {step}"
+            );
+            assert_eq!(storage.calibration_id, Some(1), "step {step}");
+            assert!(desk.faults().is_empty());
+        }
+    }
+}
+
+#[test]
 fn nothing_is_set_or_driven_while_the_storage_is_at_work() {
     let mut desk = Desk::new(&[]).begun();
     desk.all_accepted(&configured(500.0, 1));
