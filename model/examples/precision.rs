@@ -4,8 +4,7 @@
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
 
-use common::efficiency::fit;
-use common::plant::{Ramps, Recording, Stack, record};
+use common::plant::{Ramps, Recording, Stack, fit, record};
 use common::reference::{Phi, reciprocal_line};
 use common::rng::Rng;
 use palpate_model::ramp::{Basis, DriftModel, Noise};

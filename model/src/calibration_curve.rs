@@ -181,13 +181,6 @@ impl<const N: usize> MonotoneCurve<N> {
         let words = knots.iter().flat_map(|of| [of.x, of.y, of.slope]);
         words.fold(self.len as u32, |sum, word| mix(sum, word.to_bits()))
     }
-
-    /// Smallest and largest calibrated argument.
-    pub fn domain(&self) -> (f32, f32) {
-        let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
-        let end = |knot: Option<&Knot>| knot.map_or(f32::NAN, |knot| knot.x);
-        (end(knots.first()), end(knots.last()))
-    }
 }
 
 impl Knot {

@@ -18,7 +18,6 @@ pub mod calibration_curve;
 pub mod contact;
 mod coverage;
 pub mod demagnetising;
-pub mod layer;
 pub mod magnetorheological;
 pub mod math;
 pub mod ramp;

@@ -17,8 +17,6 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 /// Requirement that a checked constructor makes on its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Requirement {
-    /// Neither infinite nor NaN.
-    Finite,
     /// Finite and at least zero.
     NonNegative,
     /// Finite and above zero.
@@ -30,7 +28,6 @@ impl Requirement {
     pub const fn met_by(self, value: f32) -> bool {
         value.is_finite()
             && match self {
-                Self::Finite => true,
                 Self::NonNegative => value >= 0.0,
                 Self::Positive => value > 0.0,
             }
@@ -75,7 +72,6 @@ impl OutOfRange {
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let wanted = match self.requirement {
-            Requirement::Finite => "finite",
             Requirement::NonNegative => "finite and at least zero",
             Requirement::Positive => "finite and above zero",
         };
@@ -94,11 +90,6 @@ macro_rules! quantity {
         impl $name {
             /// Symbol of the unit.
             pub const UNIT: &'static str = $unit;
-
-            /// Accepts any finite number.
-            pub const fn finite(value: f32) -> Result<Self, OutOfRange> {
-                Self::checked(value, Requirement::Finite)
-            }
 
             /// Accepts finite numbers from zero upwards.
             pub const fn non_negative(value: f32) -> Result<Self, OutOfRange> {
@@ -193,8 +184,6 @@ quantity!(/// Stiffness of a spring.
     NewtonPerMetre, "N/m");
 quantity!(/// Electric resistance.
     Ohm, "ohm");
-quantity!(/// Pressure, elastic modulus.
-    Pascal, "Pa");
 quantity!(/// Time since an origin that the context names, or a duration.
     Second, "s");
 quantity!(/// Magnetic flux density.
@@ -212,7 +201,6 @@ ratio_scale!(
     Newton,
     NewtonPerMetre,
     Ohm,
-    Pascal,
     Second,
     Tesla,
     Watt

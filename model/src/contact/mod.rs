@@ -18,7 +18,7 @@
 //! | | |
 //! |---|---|
 //! | readings between false alarms, k 1, threshold 4 | 10,300 (exact for a known baseline: 14,500) |
-//! | readings between false alarms, k 1, threshold 10, from the exact Markov chain | 2.3e9 |
+//! | readings between false alarms, k 1, threshold 10, by [`Cusum::WATCH`] | 2.3e9 |
 //! | delay of a touch that deepens 0.1 / 1 / 10 sigma a reading, threshold 10 | 24 / 5.4 / 1.6 readings |
 //! | its estimated onset: mean error (early) | 0.9 / 0.9 / 0.5 readings |
 //! | its estimated onset: root mean square error | 8.2 / 1.8 / 0.9 readings |

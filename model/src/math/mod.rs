@@ -40,16 +40,6 @@ pub fn exp_m1(x: f32) -> f32 {
     libm::expm1f(x)
 }
 
-/// Sine of an angle in radians: absolute error at most 6.0e-8 from -1000 to 1000.
-pub fn sin(x: f32) -> f32 {
-    libm::sinf(x)
-}
-
-/// Cosine of an angle in radians: absolute error at most 6.0e-8 from -1000 to 1000.
-pub fn cos(x: f32) -> f32 {
-    libm::cosf(x)
-}
-
 /// Largest whole number not above `x`, exact.
 pub fn floor(x: f32) -> f32 {
     libm::floorf(x)

@@ -2,7 +2,7 @@
 
 use super::interval::{RatioCovariance, fieller};
 use super::moments::{Row, Solution};
-use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, RampRefusal, Reference};
+use super::{Basis, LoadRatio, MOST_TERMS, RampRefusal, Reference};
 use crate::math::{Wide, sqrt};
 use crate::units::{Metre, Newton, NewtonPerMetre};
 
@@ -100,18 +100,14 @@ impl Fit {
         })
     }
 
-    /// Load ratio kappa = c_S/c_L of a linear load; for a non-linear load, that at the middle of
-    /// the ramp.
-    pub fn load_ratio(&self) -> Result<LoadRatio, RampRefusal> {
-        self.load_ratio_at(self.centre)
-    }
-
-    /// Load ratio kappa = c_S/c_L at the regressor deviation `h`, from the *tangent* of the load.
+    /// Load ratio kappa = c_S/c_L; for a non-linear load, from its *tangent* at the
+    /// [centre](Self::centre) of the ramp.
     ///
     /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), independent of x_0. If l is
     /// a straight line, without quadratic or cubic term in the basis, the ratio is the same for all
-    /// `h`.
-    pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, RampRefusal> {
+    /// h.
+    pub fn load_ratio(&self) -> Result<LoadRatio, RampRefusal> {
+        let h = self.centre;
         let curve = self.curve(h);
         let slope = curve.slope.to_f32();
         let covariance = RatioCovariance {
@@ -148,39 +144,6 @@ impl Fit {
         }
     }
 
-    /// Load stiffness c_L with its 95 % interval, from statistical errors only. For the
-    /// calibration's contribution see [`uncertainty`](crate::uncertainty).
-    pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, RampRefusal> {
-        self.load_ratio()?.stiffness(sensing)
-    }
-
-    /// Force and displacement of the load at the regressor deviation `h`, from the ramp alone: the
-    /// displacement is counted from that at h = 0.
-    pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadCurvePoint {
-        let (rest, curve) = (self.curve(0.0), self.curve(h));
-        let (l0, l) = (rest.level.to_f32(), curve.level.to_f32());
-        let (at_rest, here) = (
-            1.0 + self.reference.regressor(),
-            1.0 + self.reference.regressor() + h,
-        );
-        // x_0 - x (1 + g) minus its value at h = 0, with one common denominator, so that no digits
-        // cancel.
-        let change = (curve.level - rest.level).to_f32();
-        let numerator = at_rest * change - h * l0;
-        let x_ref = self.reference.deformation().0;
-        let by = combine(
-            &rest.level_by,
-            -at_rest / (l0 * l0),
-            &curve.level_by,
-            here / (l * l),
-        );
-        LoadCurvePoint {
-            displacement: Metre(x_ref * numerator / (l0 * l)),
-            displacement_sigma: Metre(x_ref * sqrt(self.covariance(&by, &by).max(0.0))),
-            ..self.forces(&curve, sensing)
-        }
-    }
-
     /// Force and displacement of the load at the regressor deviation `h`, with the displacement
     /// counted from the unloaded object. Needs x_0, the total displacement since contact.
     pub fn load_point_within(
@@ -189,24 +152,17 @@ impl Fit {
         sensing: NewtonPerMetre,
         total: Metre,
     ) -> LoadCurvePoint {
-        let forces = self.forces(&self.curve(h), sensing);
-        let stack = 1.0 + self.reference.regressor() + h;
-        LoadCurvePoint {
-            displacement: total - forces.force / sensing * stack,
-            displacement_sigma: forces.force_sigma / sensing * stack,
-            ..forces
-        }
-    }
-
-    fn forces(&self, curve: &FittedCurve, sensing: NewtonPerMetre) -> LoadCurvePoint {
+        let curve = self.curve(h);
         let level = curve.level.to_f32();
         let force = sensing * (self.reference.deformation() / level);
         let relative = sqrt(self.covariance(&curve.level_by, &curve.level_by).max(0.0)) / level;
+        let force_sigma = force * relative.abs();
+        let stack = 1.0 + self.reference.regressor() + h;
         LoadCurvePoint {
             force,
-            force_sigma: force * relative.abs(),
-            displacement: Metre(0.0),
-            displacement_sigma: Metre(0.0),
+            displacement: total - force / sensing * stack,
+            force_sigma,
+            displacement_sigma: force_sigma / sensing * stack,
         }
     }
 
@@ -226,18 +182,9 @@ impl Fit {
         })
     }
 
-    /// Sum of the squares of the residuals, each divided by its stated sigma.
-    pub const fn chi_square(&self) -> f32 {
-        self.chi_square
-    }
-
-    /// Number of samples minus number of unknowns.
-    pub const fn degrees_of_freedom(&self) -> u32 {
-        self.degrees
-    }
-
-    /// Chi-square per degree of freedom: near 1 if noise and model are as stated. `None` if there
-    /// are no degrees of freedom.
+    /// Chi-square (the sum of the squared residuals, each divided by its stated sigma) per degree
+    /// of freedom: near 1 if noise and model are as stated. `None` if there are no degrees of
+    /// freedom.
     pub fn reduced_chi_square(&self) -> Option<f32> {
         (self.degrees > 0).then(|| self.chi_square / self.degrees as f32)
     }
@@ -304,12 +251,4 @@ fn derivative(h: f32, exponent: u8) -> f32 {
     exponent
         .checked_sub(1)
         .map_or(0.0, |less| f32::from(exponent) * power(h, less))
-}
-
-fn combine(a: &Row<f32>, by_a: f32, b: &Row<f32>, by_b: f32) -> Row<f32> {
-    let mut sum = [0.0; MOST_TERMS];
-    for (sum, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
-        *sum = a * by_a + b * by_b;
-    }
-    sum
 }

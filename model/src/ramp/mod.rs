@@ -54,7 +54,7 @@
 //!     })?;
 //! }
 //! let fit = ramp.fit(Noise::Stated)?;
-//! let load = fit.load_stiffness(sensing)?;
+//! let load = fit.load_ratio()?.stiffness(sensing)?;
 //! assert!((load.value().unwrap().0 - 6e3).abs() < 0.1);
 //! assert!(load.contains(NewtonPerMetre(6e3)));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -77,8 +77,8 @@ pub use reference::Reference;
 pub use refusal::{RampRefusal, Rejected};
 pub use scatter::Scatter;
 
-use crate::math::{Wide, sqrt, student};
-use crate::units::{Metre, Newton, NewtonPerMetre, Second};
+use crate::math::{Wide, student};
+use crate::units::{Metre, Second};
 use fit::ErrorScale;
 use moments::{Dependent, Moments, Row};
 
@@ -92,43 +92,8 @@ pub struct RampSample {
     pub deformation: Metre,
     /// Deviation h = g - g_ref, from the current averaged over the reading's window.
     pub regressor: f32,
-    /// Standard deviation of u, including that of the regressor if it matters
-    /// ([`with_regressor_sigma`](Self::with_regressor_sigma)).
+    /// Standard deviation of u, including that of the regressor if it matters.
     pub sigma: Metre,
-}
-
-impl RampSample {
-    /// Adds the regressor's noise to sigma: it is at most a deformation of x sigma_g / (1 + g), the
-    /// effect with a rigid load; with a softer load it is less, by the factor 1/(1 + kappa/(1 +
-    /// g)).
-    ///
-    /// Noise of the regressor also flattens the line: c_L is too low by the fraction (1 + kappa +
-    /// g)/kappa times the ratio of the variances of g, by noise and over the ramp.
-    #[must_use]
-    pub fn with_regressor_sigma(self, reference: &Reference, sigma: f32) -> Self {
-        let deformation = reference.deformation + self.deformation;
-        let stack = 1.0 + reference.regressor + self.regressor;
-        let from_regressor = deformation * (sigma / stack);
-        Self {
-            sigma: Metre(crate::math::hypot(self.sigma.0, from_regressor.0)),
-            ..self
-        }
-    }
-
-    /// Force and displacement of the load from this one sample, with drifts included: F = c_S x,
-    /// and the displacement x_0 - x (1 + g), counted from the reference state.
-    pub fn load_point(&self, reference: &Reference, sensing: NewtonPerMetre) -> LoadCurvePoint {
-        let deformation = reference.deformation + self.deformation;
-        let at_rest = 1.0 + reference.regressor;
-        let stack = at_rest + self.regressor;
-        let displacement = -(self.deformation * at_rest) - deformation * self.regressor;
-        LoadCurvePoint {
-            force: sensing * deformation,
-            displacement,
-            force_sigma: Newton(sensing.0 * self.sigma.0),
-            displacement_sigma: self.sigma * stack,
-        }
-    }
 }
 
 /// Running sums of one measurement: they take 0.7 kB for any number of samples.
@@ -322,18 +287,5 @@ impl Ramp {
                 quantile,
             },
         )
-    }
-
-    /// Standard deviation of the samples' residuals, as a length at x_ref. `None` if the sums
-    /// cannot be solved, or if there are no more samples than unknowns.
-    pub fn residual_sigma(&self) -> Option<Metre> {
-        let count = self.basis.terms().len();
-        let degrees = self
-            .moments
-            .rows()
-            .checked_sub(count as u32)
-            .filter(|&degrees| degrees > 0)?;
-        let squares = self.moments.solve(count).ok()?.residual.to_f32().max(0.0);
-        Some(Metre(sqrt(squares / degrees as f32)))
     }
 }

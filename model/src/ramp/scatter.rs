@@ -24,6 +24,8 @@ use crate::math::sqrt;
 pub struct Scatter {
     weight: f32,
     mean: f32,
+    /// Sum of the squared deviations from the mean, each divided by its variance; the expected
+    /// value is count - 1.
     chi_square: f32,
     /// Sum of the squared differences between successive estimates, each divided by the variance of
     /// the difference.
@@ -57,20 +59,9 @@ impl Scatter {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Number of estimates taken.
-    pub const fn count(&self) -> u32 {
-        self.count
-    }
-
     /// Weighted mean of the estimates; zero without an estimate.
     pub const fn mean(&self) -> f32 {
         self.mean
-    }
-
-    /// Sum of the squared deviations from the mean, each divided by its squared standard error; the
-    /// expected value is count - 1.
-    pub const fn chi_square(&self) -> f32 {
-        self.chi_square
     }
 
     /// Square root of chi-square per degree of freedom: the factor by which the stated errors are

@@ -1,6 +1,7 @@
 //! Effects that bend the line fitted to a train of ramps, and the error that they cause in the
 //! slope. The ramps are simulated in `f64`.
 
+use crate::common::rng::Rng;
 use palpate_model::ramp::{
     Basis, Bend, Fit, Noise, Ramp, RampSample, Reference, SLOPE_BY_BEND, Term,
 };
@@ -55,13 +56,10 @@ fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
     let reference = Reference::new(Metre(X_REF_M as f32), RATIO as f32).unwrap();
     let basis = Basis::new(&[Term::Level, Term::Slope, Term::Quadratic]).unwrap();
     let mut ramp = Ramp::new(reference, basis);
-    let mut random = 88172645463325252_u64;
+    let mut rng = Rng::new(1);
     for reading in 0..720_u32 {
         let part = (f64::from(reading % 60) + 0.5) / 60.0;
-        random ^= random << 13;
-        random ^= random >> 7;
-        random ^= random << 17;
-        let noise = (random as f64 / u64::MAX as f64 * 2.0 - 1.0) * noise_m;
+        let noise = rng.between(-noise_m, noise_m);
         let x = X_REF_M * (whole + rho_to_h(1.0)) / (whole + rho_to_h(acts(part, size))) + noise;
         ramp.push(&RampSample {
             time: Second((f64::from(reading) * FALL_S / 60.0) as f32),

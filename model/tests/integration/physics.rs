@@ -1,14 +1,13 @@
-//! Tank, springs, layer, magnetorheological law and heat, each against `f64` or a published figure.
+//! Tank, springs, magnetorheological law and units, each against `f64` or a published figure.
 
 use crate::common::reference::equation_2;
 use crate::common::rng::Rng;
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::demagnetising::Burst;
-use palpate_model::layer::{BondedDisc, apparent_modulus};
 use palpate_model::magnetorheological::{
     Changed, Factors, Saturating, Stiffening, Tabulated, attraction, deviation,
 };
-use palpate_model::springs::{Shares, Springs, two_state_load};
+use palpate_model::springs::two_state_load;
 use palpate_model::tank;
 use palpate_model::units::*;
 
@@ -30,9 +29,7 @@ fn codes_keep_their_digits() {
         } else {
             reference + count
         };
-        let delta = f64::from(code) / f64::from(reference) - 1.0;
         let exact_delta = (f64::from(code) - f64::from(reference)) / f64::from(reference);
-        assert!((delta - exact_delta).abs() < 1e-15);
         let ours = tank::relative_frequency_change(reference, code);
         worst[0] = worst[0].max(relative(ours, exact_delta));
         // Computed from the rounded frequency change, so that only this function's error is
@@ -54,35 +51,6 @@ fn codes_keep_their_digits() {
 }
 
 #[test]
-fn springs_balance() {
-    let mut rng = Rng::new(3);
-    for _ in 0..10_000 {
-        let [l, s, d] = [(); 3].map(|()| 10f64.powf(rng.between(2.0, 6.0)) as f32);
-        let springs = Springs {
-            load: NewtonPerMetre(l),
-            sensing: NewtonPerMetre(s),
-            actuated: NewtonPerMetre(d),
-        };
-        let [l, s, d] = [l, s, d].map(f64::from);
-        // Eq. (1), and the deformation that the force causes in all three springs.
-        let whole = 1.0 / (1.0 / l + 1.0 / s + 1.0 / d);
-        assert!(relative(springs.in_series().0, whole) <= 4.0e-7);
-        let shares = springs.shares();
-        assert!((shares.load + shares.sensing + shares.actuated - 1.0).abs() < 3e-7);
-        assert!((f64::from(shares.load) - whole / l).abs() < 4e-7);
-        assert!((f64::from(shares.actuated) - whole / d).abs() < 4e-7);
-    }
-    assert_eq!(
-        Shares::new(1.0, 2.0),
-        Shares {
-            load: 0.25,
-            sensing: 0.25,
-            actuated: 0.5
-        }
-    );
-}
-
-#[test]
 fn equation_2_as_published() {
     // For large changes `f32` suffices: compared with the published form in `f64` on the same
     // inputs.
@@ -99,26 +67,6 @@ fn equation_2_as_published() {
         let size = (f64::from(x1) + f64::from(x2)) / (f64::from(x1) - f64::from(x2)).abs();
         assert!((1.0 / f64::from(ours) - 1.0 / closed).abs() < 1e-5 * scale * size * size * 10.0);
     }
-}
-
-#[test]
-fn bonded_layers_as_published() {
-    // Published, N/mm with three digits: a layer of r 30, h 5 mm and a pad of r 7, h 2 mm, with E
-    // 0.1 MPa.
-    let cases = [(30e-3, 5e-3, 56.5, 1074.0), (7e-3, 2e-3, 7.70, 54.8)];
-    for (radius, height, plain, bonded) in cases {
-        let disc = BondedDisc::new(Metre(radius), Metre(height)).unwrap();
-        let stiffness = disc.stiffness(Pascal(0.1e6)).0 / 1e3;
-        assert!((stiffness / bonded - 1.0).abs() < 2e-3, "{stiffness}");
-        let factor = f64::from(radius) / (2.0 * f64::from(height));
-        let free = std::f64::consts::PI * f64::from(radius).powi(2) * 1e5 / f64::from(height);
-        assert!((free / 1e3 / plain - 1.0).abs() < 2e-3);
-        let exact = free * (1.0 + 2.0 * factor * factor) / 1e3;
-        assert!(relative(stiffness, exact) <= 6.0e-7);
-        let modulus = apparent_modulus(Pascal(1e5), disc.shape_factor()).0;
-        assert!(relative(modulus, 1e5 * (1.0 + 2.0 * factor * factor)) <= 6.0e-7);
-    }
-    assert!(BondedDisc::new(Metre(1e-3), Metre(0.0)).is_err());
 }
 
 #[test]
@@ -299,7 +247,6 @@ fn quantities_check_and_name_themselves() {
         assert!(NewtonPerMetre::positive(bad).is_err());
     }
     assert!(Kelvin::non_negative(0.0).is_ok() && Kelvin::non_negative(-0.1).is_err());
-    assert!(Kelvin::finite(-0.1).is_ok() && Kelvin::finite(f32::NEG_INFINITY).is_err());
     let error = Metre::positive(-0.5).unwrap_err();
     assert_eq!(error.to_string(), "-0.5 m must be finite and above zero");
     assert_eq!(format!("{:.1}", Ampere(2.54)), "2.5 A");

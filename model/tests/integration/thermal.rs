@@ -54,19 +54,6 @@ fn temperatures([copper, pad]: [f64; 2]) -> Temperatures {
 }
 
 #[test]
-fn copper_is_adiabatic_at_first_and_the_pad_slow() {
-    // Published hand figures: copper 25 K/s without its pad, whole pad 0.5 K/s, at 38.9 W and a
-    // copper heat capacity of 1.5 J/K.
-    let plant = model([1.55, 77.0, 1e3, 1e3]);
-    let rest = Temperatures::uniform(Celsius(20.0));
-    let after = plant.after(rest, Watt(38.9), Celsius(20.0), Second(1.0));
-    assert!((after.copper.0 - 45.0).abs() < 0.5, "{after:?}");
-    let coupled = model([1.55, 77.0, 1e-3, 1e3]);
-    let after = coupled.after(rest, Watt(38.9), Celsius(20.0), Second(1.0));
-    assert!((after.pad.0 - 20.5).abs() < 0.02, "{after:?}");
-}
-
-#[test]
 fn a_step_is_the_solution_of_the_equations() {
     let mut rng = Rng::new(1);
     let mut worst: f64 = 0.0;
@@ -107,20 +94,6 @@ fn many_short_steps_are_one_long_one() {
         exact[0] - 25.0
     );
     assert!(error < 0.02, "{stepped:?} {exact:?}");
-}
-
-#[test]
-fn it_ends_where_the_resistances_say() {
-    let end = model(PLANT).after(
-        Temperatures::uniform(Celsius(20.0)),
-        Watt(2.0),
-        Celsius(20.0),
-        Second(1e6),
-    );
-    assert!(
-        (end.pad.0 - 36.0).abs() < 1e-4 && (end.copper.0 - 37.0).abs() < 1e-4,
-        "{end:?}"
-    );
 }
 
 #[test]

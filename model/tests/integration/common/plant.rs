@@ -1,7 +1,7 @@
 //! A press on a spring, as in section 2 of the physics: three springs in series with a constant
 //! total length, the actuated one softening with the current.
 
-use palpate_model::ramp::{RampSample, Reference};
+use palpate_model::ramp::{Basis, Fit, Noise, Ramp, RampRefusal, RampSample, Reference};
 use palpate_model::units::{Metre, Second};
 
 use super::rng::Rng;
@@ -166,4 +166,13 @@ pub fn record(
         .collect();
     let reference = Reference::new(Metre(x_ref), stack.reference_ratio()).unwrap();
     Recording { reference, samples }
+}
+
+/// Fits a recording with the estimator.
+pub fn fit(recording: &Recording, basis: Basis, noise: Noise) -> Result<Fit, RampRefusal> {
+    let mut ramp = Ramp::new(recording.reference, basis);
+    for sample in &recording.samples {
+        ramp.push(sample).unwrap();
+    }
+    ramp.fit(noise)
 }

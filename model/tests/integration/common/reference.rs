@@ -1,5 +1,5 @@
-//! Reference estimators in `f64` for the `f32` inputs that the device would have. They use two
-//! other methods than the crate: a batch fit of 1/x on g by QR, and Gauss-Newton on x itself.
+//! Reference estimator in `f64` for the `f32` inputs that the device would have, by another method
+//! than the crate's: a batch fit of 1/x on g by QR.
 
 use super::linalg::least_squares;
 use super::plant::Recording;
@@ -7,16 +7,14 @@ use super::plant::Recording;
 /// A drift as a function of time.
 pub type Phi<'a> = &'a dyn Fn(f64) -> f64;
 
-/// Estimate of kappa with its standard error, and the coefficients from which it follows.
+/// Estimate of kappa with its standard error, and the line from which it follows.
 pub struct Estimate {
     pub kappa: f64,
     pub standard_error: f64,
-    pub drifts: Vec<f64>,
     line: FittedLine,
 }
 
 /// The fitted straight line: 1/x at the mean of g, its slope, and their covariances.
-#[derive(Default)]
 struct FittedLine {
     mean_g: f64,
     level: f64,
@@ -86,55 +84,12 @@ pub fn reciprocal_line(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
     Estimate {
         kappa: ratio - mean_g - 1.0,
         standard_error: variance.sqrt() / theta[1],
-        drifts: theta[2..].to_vec(),
         line: FittedLine {
             mean_g,
             level: theta[0],
             slope: theta[1],
             covariance: [covariance[0][0], covariance[0][1], covariance[1][1]],
         },
-    }
-}
-
-/// Maximum likelihood in x: x = x_0 (1 + sum d phi)/(1 + kappa + g) by Gauss-Newton.
-pub fn maximum_likelihood(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
-    let readings = readings(recording);
-    let start = reciprocal_line(recording, phis);
-    let mut p = vec![
-        start.kappa,
-        readings[0].x * (1.0 + start.kappa + readings[0].g),
-    ];
-    p.extend(&start.drifts);
-    let mut covariance = Vec::new();
-    for _ in 0..30 {
-        let (mut rows, mut right) = (Vec::new(), Vec::new());
-        for r in &readings {
-            let drift: f64 = 1.0
-                + phis
-                    .iter()
-                    .zip(&p[2..])
-                    .map(|(phi, d)| d * phi(r.t))
-                    .sum::<f64>();
-            let stack = 1.0 + p[0] + r.g;
-            let model = p[1] * drift / stack;
-            let mut row = vec![-model / stack / r.sigma, drift / stack / r.sigma];
-            row.extend(phis.iter().map(|phi| p[1] * phi(r.t) / stack / r.sigma));
-            rows.push(row);
-            right.push((r.x - model) / r.sigma);
-        }
-        // The columns differ in size, so they are scaled for the solver.
-        let size = p[1].abs();
-        rows.iter_mut().for_each(|row| row[1] *= size);
-        let (mut step, c) = least_squares(&rows, &right);
-        step[1] *= size;
-        p.iter_mut().zip(&step).for_each(|(p, step)| *p += step);
-        covariance = c;
-    }
-    Estimate {
-        kappa: p[0],
-        standard_error: covariance[0][0].sqrt(),
-        drifts: p[2..].to_vec(),
-        line: FittedLine::default(),
     }
 }
 
