@@ -378,33 +378,6 @@ fn circle_through(from: Point, through: Point, to: Point) -> Option<PathCurve> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn arcs_run_through_their_points() {
-        let [from, to] = [[1.0, 0.0], [0.0, 1.0]];
-        let [short, long] = [0.5_f64.sqrt(), -0.5_f64.sqrt()]
-            .map(|place| Path::arc_through(from, [place, place], to).expect("an arc"));
-        assert_eq!((short.len(), long.len()), (1, 3));
-        let area = |arc: &[Path]| arc.iter().map(Path::bulge_area).sum::<f64>();
-        let chords = |arc: &[Path]| -> f64 {
-            arc.iter()
-                .map(|path| cross([0.0; 2], path.from, path.to))
-                .sum()
-        };
-        // The short and the long arc together are the whole circle.
-        let whole = area(&short) + chords(&short) - area(&long) - chords(&long);
-        assert!((whole - TAU).abs() < 1e-12, "{whole}");
-        for arc in [&short, &long] {
-            assert_eq!((arc[0].from, arc[arc.len() - 1].to), (from, to));
-            for path in arc {
-                let size = distance(path.at(0.37), [0.0; 2]);
-                assert!((size - 1.0).abs() < 1e-12, "{size}");
-            }
-        }
-        assert!(Path::arc_through(from, [0.5, 0.5], to).is_none());
-        let lowest = long.iter().flat_map(Path::extremes).map(|point| point[0]);
-        assert!((lowest.fold(0.0, f64::min) + 1.0).abs() < 1e-12);
-    }
-
     /// A fillet meets both of its sides at its ends only.
     #[test]
     fn tangents_meet_where_they_touch() {

@@ -8,7 +8,7 @@ use super::indicator::{decay, jumps, mark};
 use super::judge::{
     WEAK, axis, centre_error, centre_size, close, estimate, goal, plate_peak, rough, scores,
 };
-use super::newton::{EXACT, Pattern, SolveError, balance};
+use super::newton::{Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
@@ -199,22 +199,6 @@ pub fn solve(
         };
         level = next;
     }
-}
-
-/// Solves on one mesh without refining it: for convergence studies.
-///
-/// # Errors
-/// As for [`solve`].
-pub fn solve_on(
-    design: &Design,
-    mesh: mesh::Mesh,
-    order: u32,
-    excitation: &Excitation,
-) -> Result<(Level, Vec<f64>), SolveError> {
-    let level = Level::new(design, Space::new(mesh, order), excitation);
-    let guess = vec![0.0; level.space.count];
-    let balanced = balance(&level, &Pattern::of(&level), guess, EXACT)?;
-    Ok((level, balanced.w))
 }
 
 /// Transfers a solution to a finer mesh by its values at the new mesh's nodes.

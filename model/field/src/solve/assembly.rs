@@ -308,10 +308,3 @@ fn add(out: &mut Local, scale: f64, law: [[f64; 2]; 2], h: [f64; 2], vectors: &[
         }
     }
 }
-
-/// Integrates over the volume inside the circle: 2π ∫ f r dr dx.
-pub fn integrate(level: &Level, w: &[f64], f: impl Fn(&At<'_>) -> f64) -> f64 {
-    let mut sum = 0.0;
-    level.visit(w, |at| sum += at.weight * at.point[0] * f(at));
-    core::f64::consts::TAU * sum
-}

@@ -32,8 +32,8 @@ mod working_point;
 
 pub use ac::{AcCoil, AcSolved, solve_ac};
 pub use accuracy::Accuracy;
-pub use adapt::{SolveReport, Solved, solve, solve_on};
-pub use assembly::{Level, integrate};
+pub use adapt::{SolveReport, Solved, solve};
+pub use assembly::Level;
 pub use beyond::BeyondTable;
 pub use evaluate::{FieldAt, Locator};
 pub use excitation::Excitation;

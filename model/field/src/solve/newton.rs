@@ -146,8 +146,6 @@ pub(super) struct Balanced {
     pub(super) steps: usize,
 }
 
-/// Size of the last step, relative to the field, below which only rounding errors remain.
-pub(super) const EXACT: f64 = 1e-9;
 /// Largest number of steps of Newton's method.
 const MOST_STEPS: usize = 60;
 

@@ -1,6 +1,6 @@
 //! The built-in designs: accuracy, symmetry, and figures from other programs.
 
-use palpate_field::design::{BUILTIN, Design, builtin, builtin_text};
+use palpate_field::design::{Design, builtin};
 use palpate_field::figures::Figures;
 use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, solve};
 
@@ -12,32 +12,6 @@ fn small(name: &str) -> (Design, Solved) {
         &Accuracy::default(),
     );
     (design, solved.expect("a field"))
-}
-
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn every_design_reaches_its_accuracy() {
-    for name in BUILTIN {
-        let (design, solved) = small(name);
-        let (figures, errors) = (solved.figures, solved.errors);
-        assert!(
-            errors.centre_t <= 1e-4 * figures.centre_t,
-            "{name}: {errors:?}"
-        );
-        assert!(
-            errors.core_mean_t <= 1e-4 * figures.core_mean_t,
-            "{name}: {errors:?}"
-        );
-        // The halves attract each other, and both methods give the same force.
-        let force = figures.force_n / figures.force_by_stress_n - 1.0;
-        assert!(
-            figures.force_n > 0.0 && force.abs() < 5e-3,
-            "{name}: force by {force:e}"
-        );
-        // The work of the currents is twice the energy of the field in all of space.
-        let energy = solved.energy_j() / (0.5 * solved.work_j(&design)) - 1.0;
-        assert!(energy.abs() < 1e-5, "{name}: {energy:e}");
-    }
 }
 
 /// Every figure with its name.
@@ -58,19 +32,10 @@ fn named(figures: &Figures) -> [(&'static str, f64); 10] {
 
 /// The estimated error of every figure has to cover its difference from a far finer mesh of higher
 /// order. At these accuracies single figures may stay constant by chance.
+/// `cargo campaign field-accuracy` does this for every built-in design.
 #[test]
 fn the_estimates_cover_the_errors() {
-    estimates_cover_errors(&[("A", 1e-4), ("C1in", 3e-5)]);
-}
-
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn the_estimates_cover_the_errors_of_other_plates() {
-    estimates_cover_errors(&[("C1out", 1e-3), ("pot", 3e-4)]);
-}
-
-fn estimates_cover_errors(designs: &[(&str, f64)]) {
-    for &(name, relative) in designs {
+    for (name, relative) in [("A", 1e-4), ("C1in", 3e-5)] {
         let design = builtin(name).expect("built in");
         let solved = |relative: f64, order: u32| {
             let accuracy = Accuracy {
@@ -91,6 +56,9 @@ fn estimates_cover_errors(designs: &[(&str, f64)]) {
         }
         let mean = coarse.figures.core_mean_t / fine.core_mean_t - 1.0;
         assert!(mean.abs() <= relative, "{name}: {mean:e}");
+        // The work of the currents is twice the energy of the field in all of space.
+        let energy = coarse.energy_j() / (0.5 * coarse.work_j(&design)) - 1.0;
+        assert!(energy.abs() < 1e-5, "{name}: {energy:e}");
         if name == "C1in" {
             // A mesh that is graded towards the corners gives 7.66 mT/A.
             assert!((coarse.figures.plate_max_t / 7.66e-3 - 1.0).abs() < 0.03);
@@ -163,65 +131,6 @@ fn an_accuracy_that_is_not_reached_is_reported() {
     assert!(!solved.report.reached && solved.relative_error() > 1e-4);
 }
 
-/// Profiles have the requested accuracy wherever they run except near corners, also near copper and
-/// plates.
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn profiles_along_and_across() {
-    profiles_reach_their_accuracy("A");
-}
-
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn profiles_along_and_across_between_plates() {
-    profiles_reach_their_accuracy("C1in");
-}
-
-fn profiles_reach_their_accuracy(name: &str) {
-    let (design, solved) = small(name);
-    let circle = solved.level.space.mesh.circle;
-    let share = |step: u32| f64::from(step) / 200.0;
-    let mut points: Vec<[f64; 2]> = (0..=200)
-        .map(|step| {
-            [
-                7.2e-3,
-                circle.centre_x + circle.radius * (share(step) - 0.5),
-            ]
-        })
-        .collect();
-    points.extend((0..=200).map(|step| [circle.radius * share(step), 6.14e-3]));
-    let fine = Accuracy {
-        relative: 1e-5,
-        order: 4,
-        ..Accuracy::default()
-    };
-    let fine = solve(&design, &Excitation::small(&design, 1.0), &fine).expect("a field");
-    let fine = fine.sharpened(&design, &points, 1e-4).expect("a field");
-    let worst = |solved: &Solved| {
-        let [ours, truth] = [solved, &fine].map(|s| Locator::new(&s.level, &s.w));
-        let mesh = &solved.level.space.mesh;
-        let far = |point: &&[f64; 2]| {
-            let corners = mesh.corners.iter().map(|&corner| mesh.position(corner));
-            corners
-                .map(|corner| (corner[0] - point[0]).hypot(corner[1] - point[1]))
-                .all(|distance| distance > 1e-4)
-        };
-        let miss = |point: &[f64; 2]| {
-            let (a, b) = (ours.at(*point), truth.at(*point));
-            let size = b.size().max(0.02 * solved.figures.core_mean_t);
-            (a.b[0] - b.b[0]).hypot(a.b[1] - b.b[1]) / size
-        };
-        points.iter().filter(far).map(miss).fold(0.0, f64::max)
-    };
-    // Before the refinement along the points the error is larger.
-    assert!(worst(&solved) > 1e-2, "{name}: {:e}", worst(&solved));
-    let solved = solved.sharpened(&design, &points, 5e-3).expect("a field");
-    assert!(worst(&solved) < 1e-2, "{name}: {:e}", worst(&solved));
-    let solved = solved.sharpened(&design, &points, 5e-4).expect("a field");
-    assert!(worst(&solved) < 1e-3, "{name}: {:e}", worst(&solved));
-    assert!(solved.report.reached, "{name}: {:?}", solved.report);
-}
-
 /// The field at a point is no more accurate than that of the thin windings beside it: 0.16 mm above
 /// the copper of A, between two rings, where it is weak.
 #[test]
@@ -249,25 +158,6 @@ fn a_profile_beside_thin_copper_reaches_its_accuracy() {
     };
     let worst = points.iter().map(miss).fold(0.0, f64::max);
     assert!(worst < 1e-3, "{worst:e}");
-}
-
-#[test]
-fn a_design_mirrors_itself() {
-    let (design, solved) = small("C1in");
-    let locator = Locator::new(&solved.level, &solved.w);
-    let middle = design.core.middle_m();
-    for (r, x) in [
-        (0.0, 1e-3),
-        (5e-3, 2e-3),
-        (12e-3, 2.2e-3),
-        (20e-3, 12e-3),
-        (5e-3, 80e-3),
-    ] {
-        let [above, below] = [locator.at([r, middle + x]), locator.at([r, middle - x])];
-        let size = above.size();
-        assert!((above.b[1] - below.b[1]).abs() < 2e-3 * size, "{r} {x}");
-        assert!((above.b[0] + below.b[0]).abs() < 2e-3 * size, "{r} {x}");
-    }
 }
 
 #[test]
@@ -315,30 +205,4 @@ fn derivatives_by_the_current_at_saturation() {
 fn resistance_of_the_paper_s_coils() {
     let design = builtin("A").expect("built in");
     assert!((design.resistance_ohm() - 0.389).abs() < 5e-4);
-}
-
-/// The force equals the change of the energy with the gap, from solutions at two other gaps.
-#[test]
-fn force_by_moving_the_boards() {
-    // Without a body, so that the force acts on the copper alone.
-    let text = builtin_text("air").expect("built in");
-    let energy = |gap: f64| {
-        let design = Design::parse(
-            "air.toml",
-            &text.replace("gap = 5.0", &format!("gap = {gap}")),
-        );
-        let design = design.expect("a design");
-        let accuracy = Accuracy {
-            relative: 1e-5,
-            order: 4,
-            ..Accuracy::default()
-        };
-        let solved = solve(&design, &Excitation::small(&design, 1.0), &accuracy).expect("a field");
-        (0.5 * solved.figures.linkage_wb, solved.figures.force_n)
-    };
-    let step = 0.2;
-    let (near, far) = (energy(5.0 - step), energy(5.0 + step));
-    let moved = (near.0 - far.0) / (2.0 * step * 1e-3);
-    let force = energy(5.0).1;
-    assert!((moved / force - 1.0).abs() < 5e-3, "{moved:e} {force:e}");
 }

@@ -3,8 +3,7 @@
 use std::f64::consts::PI;
 
 use palpate_field::design::{Design, builtin, builtin_text};
-use palpate_field::mesh;
-use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, solve, solve_on};
+use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, solve};
 
 const MU_0: f64 = 4e-7 * PI;
 
@@ -170,119 +169,4 @@ fn spherical_shield() {
     let miss = figures.core_mean_t / (1e-3 * factor) - 1.0;
     println!("spherical shield: off by {miss:.1e}");
     assert!(miss.abs() < 1e-4, "off by {miss:e}");
-}
-
-fn coils(coils: &str, core: &str, more: &str) -> Design {
-    let text = format!(
-        "name = \"x\"\nlength_unit = \"mm\"\n[conductor]\nresistivity_ohm_m = 1.72e-8\ncurrent_A = 1.0\n\
-         [core]\n{core}\n{coils}\n{more}\n"
-    );
-    Design::parse("x", &text).expect("a design")
-}
-
-#[test]
-fn helmholtz_pair() {
-    let ring = |name: &str, x: f64| {
-        let (from, to) = (x - 1.0, x + 1.0);
-        format!("[[coil]]\nname = \"{name}\"\nr = [49.0, 51.0]\nx = [{from}, {to}]\n")
-    };
-    let both = ring("a", -25.0) + &ring("b", 25.0);
-    let design = coils(&both, "r = 10.0\nx = [-10.0, 10.0]", "");
-    let solved = solved(&design, 1e-5);
-    let locator = Locator::new(&solved.level, &solved.w);
-    for step in 0..=20 {
-        let at = f64::from(step) * 2e-3 - 20e-3;
-        let exact: f64 = [-25e-3, 25e-3]
-            .iter()
-            .map(|x| ring_on_axis([49e-3, 51e-3], [x - 1e-3, x + 1e-3], at))
-            .sum();
-        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
-        println!("Helmholtz pair at {at:.3} m: off by {miss:.1e}");
-        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
-    }
-    // Thin rings: B = (4/5)^1.5 mu0 I/R.
-    let thin = 0.8_f64.powf(1.5) * MU_0 / 50e-3;
-    assert!((solved.figures.centre_t / thin - 1.0).abs() < 1e-3);
-}
-
-#[test]
-fn loop_above_a_permeable_half_space() {
-    let design = coils(
-        "[[coil]]\nname = \"a\"\nr = [9.9, 10.1]\nx = [4.9, 5.1]\n",
-        "r = 2.0\nx = [1.0, 9.0]",
-        "[material.m]\nmu_r = 3.7\n[[body]]\nname = \"b\"\nmaterial = \"m\"\n\
-         shape = { r = [0.0, 1000.0], x = [-1000.0, 0.0] }",
-    );
-    let solved = solved(&design, 1e-5);
-    let locator = Locator::new(&solved.level, &solved.w);
-    for at in [1e-3, 3e-3, 5e-3, 9e-3, 20e-3] {
-        let source = ring_on_axis([9.9e-3, 10.1e-3], [4.9e-3, 5.1e-3], at);
-        let image = ring_on_axis([9.9e-3, 10.1e-3], [-5.1e-3, -4.9e-3], at);
-        let exact = source + 2.7 / 4.7 * image;
-        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
-        println!("half-space at {at:.3} m: off by {miss:.1e}");
-        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
-    }
-}
-
-#[test]
-fn long_thick_solenoid() {
-    let design = coils(
-        "[[coil]]\nname = \"a\"\nr = [5.0, 10.0]\nx = [-100.0, 100.0]\nturns = 1000\n",
-        "r = 4.0\nx = [-20.0, 20.0]",
-        "",
-    );
-    let solved = solved(&design, 1e-5);
-    let locator = Locator::new(&solved.level, &solved.w);
-    for step in 0..=30 {
-        let at = f64::from(step) * 5e-3;
-        let exact = 1000.0 * ring_on_axis([5e-3, 10e-3], [-0.1, 0.1], at);
-        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
-        println!("solenoid at {at:.3} m: off by {miss:.1e}");
-        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
-    }
-    // Exact resistance: that of the wire's length with its fraction of the section's area.
-    let exact = 1.72e-8 * 2.0 * PI * 7.5e-3 * 1000.0_f64.powi(2) / (5e-3 * 0.2);
-    assert!((design.resistance_ohm() / exact - 1.0).abs() < 1e-12);
-}
-
-/// Root mean square error of B in a sphere, in which the exact field is uniform.
-fn sphere_error(order: u32, halvings: u32) -> f64 {
-    let design = uniform(
-        "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }",
-        3.7,
-        "r = 5.0\nx = [-5.0, 5.0]",
-    );
-    let mut mesh = mesh::build(&design, mesh::MeshLines::WithCore).expect("a mesh");
-    for _ in 0..2 * halvings {
-        mesh.refine(&vec![true; mesh.triangles.len()]);
-    }
-    let excitation = Excitation::saturating(&design, 1.0);
-    let (level, w) = solve_on(&design, mesh, order, &excitation).expect("a field");
-    let exact = 3.7e-3 / (1.0 + 2.7 / 3.0);
-    let inside = |f: &dyn Fn(f64) -> f64| {
-        integrate(&level, &w, |at| {
-            let off = at.b[0].hypot(at.b[1] - exact);
-            if at.region.part.is_some() {
-                f(off)
-            } else {
-                0.0
-            }
-        })
-    };
-    (inside(&|off| off * off) / inside(&|_| 1.0)).sqrt() / exact
-}
-
-#[test]
-fn converges_at_its_order() {
-    for order in [2, 3] {
-        let errors = [1, 2, 3].map(|halvings| sphere_error(order, halvings));
-        let rate = (errors[0] / errors[2]).log2() / 2.0;
-        println!("order {order}: {errors:?}, rate {rate:.2}");
-        let wanted = f64::from(order);
-        assert!(
-            (wanted - 0.3..wanted + 1.2).contains(&rate),
-            "order {order}: rate {rate}"
-        );
-    }
 }

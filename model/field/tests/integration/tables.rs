@@ -5,7 +5,6 @@ use std::fs;
 use std::path::PathBuf;
 
 use palpate_field::design::{Design, builtin_text};
-use palpate_field::figures::Figures;
 use palpate_field::material::Material;
 use palpate_field::solve::{Accuracy, Excitation, solve};
 
@@ -19,7 +18,6 @@ fn folder(name: &str) -> PathBuf {
 /// A law that saturates slowly. Above 1.5 T (from ν = ν₀/4 on) its magnetisation would fall, which
 /// a table must not.
 const LAW: &str = "initial_mu_r = 2000\nknee_T = 2.0\nexponent = 4\n";
-const LAW_ENDS_T: f64 = 1.5;
 
 /// The text of the built-in design `pot` with another law for its soft metal.
 fn pot(law: &str) -> String {
@@ -59,89 +57,37 @@ fn sampled() -> String {
     table
 }
 
-/// A table that was sampled from the analytic law gives the law's figures, far below saturation and
-/// in saturation.
-#[test]
-#[ignore = "long: `cargo xtask ci` runs it"]
-fn a_sampled_law_gives_the_law_s_figures() {
-    let law = by_law();
-    let table = by_table("sampled", sampled()).expect("a design");
-    for current_a in [1.0, 10.0, 60.0] {
-        let [law, table] = [&law, &table].map(|design| {
-            let excitation = Excitation::saturating(design, current_a);
-            solve(design, &excitation, &Accuracy::default()).expect("a field")
-        });
-        assert!(table.report.newton_iterations <= 6, "{:?}", table.report);
-        assert!(law.figures.plate_max_t < LAW_ENDS_T, "{:?}", law.figures);
-        for figure in [
-            |figures: &Figures| figures.centre_t,
-            |figures: &Figures| figures.core_mean_t,
-            |figures: &Figures| figures.linkage_wb,
-            |figures: &Figures| figures.force_n,
-        ] {
-            let miss = figure(&table.figures) / figure(&law.figures) - 1.0;
-            println!(
-                "a table at {current_a} A: off by {miss:.1e}; {:.3} T",
-                law.figures.plate_max_t
-            );
-            assert!(miss.abs() < 1e-5, "{current_a} A: {miss:e}");
-        }
-    }
-}
+/// Tables, and what is said of them.
+const REFUSED: &str = r#"
+0 0⏎100 1.0⏎⏎# worse⏎90 1.1⏎ | 5: does not ascend
+0;0⏎100;1.0⏎200;1.0⏎         | 3: does not ascend
+100,1.0⏎1e6,1.1⏎2e6,3⏎       | 2: rises less than in vacuum
+0⇥0⏎100⇥1.0⏎                 | 2: is too few points
+# nothing⏎                   | 1: is too few points
+0,0⏎nan,1.0⏎200,1.2⏎         | 2: is not finite
+0,0⏎100,1.0⏎inf,1.2⏎         | 3: is not finite
+H,B⏎100,1.0⏎200,1.2⏎         | 1: "H" is no number
+1,5 0,3⏎                     | 1: has 4 columns
+0,0⏎1e-12,0.2⏎100,1⏎         | 2: rises 1.6e17 times as steeply as in vacuum
+0,0⏎100,1⏎4e6,5.1⏎           | 3: B of 5.1 T is that
+"#;
 
-/// The differential permeability along the field is the slope of B over H; across the field it is
-/// B/H.
-#[test]
-fn the_differential_permeability_is_a_difference_quotient() {
-    let table = by_table("quotient", sampled()).expect("a design");
-    let h = |b_t: f64| metal(&table).reluctivity(b_t).nu * b_t;
-    for b_t in [0.011, 0.31, 0.999, 1.25, 1.4, 2.2] {
-        let step = 1e-5;
-        let quotient = (h(b_t + step) - h(b_t - step)) / (2.0 * step);
-        let [[across, _], [_, along]] = metal(&table).reluctivity(b_t).differential([0.0, b_t]);
-        assert!(
-            (along / quotient - 1.0).abs() < 1e-4,
-            "{b_t}: {along:e} {quotient:e}"
-        );
-        assert!((across / (h(b_t) / b_t) - 1.0).abs() < 1e-12, "{b_t}");
-    }
+/// A table in which line ends and tabs are visible.
+fn visible(text: &str) -> String {
+    text.replace('⏎', "\n")
+        .replace('␍', "\r")
+        .replace('⇥', "\t")
 }
 
 /// The error message names file, line, problem and what is allowed.
 #[test]
 fn refused_tables_name_file_and_line() {
-    for (name, table, line, problem) in [
-        (
-            "order",
-            "0 0\n100 1.0\n\n# worse\n90 1.1\n",
-            5,
-            "does not ascend",
-        ),
-        ("flat", "0;0\n100;1.0\n200;1.0\n", 3, "does not ascend"),
-        (
-            "vacuum",
-            "100,1.0\n1e6,1.1\n2e6,3\n",
-            2,
-            "rises less than in vacuum",
-        ),
-        ("few", "0\t0\n100\t1.0\n", 2, "is too few points"),
-        ("empty", "# nothing\n", 1, "is too few points"),
-        ("nan", "0,0\nnan,1.0\n200,1.2\n", 2, "is not finite"),
-        ("infinite", "0,0\n100,1.0\ninf,1.2\n", 3, "is not finite"),
-        ("header", "H,B\n100,1.0\n200,1.2\n", 1, "\"H\" is no number"),
-        ("columns", "1,5 0,3\n", 1, "has 4 columns"),
-        (
-            "steep",
-            "0,0\n1e-12,0.2\n100,1\n",
-            2,
-            "rises 1.6e17 times as steeply as in vacuum",
-        ),
-        ("strong", "0,0\n100,1\n4e6,5.1\n", 3, "B of 5.1 T is that"),
-    ] {
-        let refused = by_table(name, table).expect_err(name);
-        let location = format!("metal.csv:{line}: {problem}");
-        assert!(refused.contains(&location), "{name}: {refused}");
-        assert!(refused.contains("; allowed: "), "{name}: {refused}");
+    for row in REFUSED.trim().lines() {
+        let (table, said) = row.split_once('|').expect(row);
+        let refused = by_table("refused", visible(table.trim())).expect_err(row);
+        let location = format!("metal.csv:{}", said.trim());
+        assert!(refused.contains(&location), "{row}: {refused}");
+        assert!(refused.contains("; allowed: "), "{row}: {refused}");
     }
     let long = "1 1\n".repeat(600_000);
     for (name, refused) in [
@@ -211,11 +157,6 @@ WebPlotDigitizer, by a mouse      | 0.2,0.001⏎0.1,0.0011⏎          | {A/m},{
 
 #[test]
 fn tables_of_other_programs() {
-    let visible = |text: &str| {
-        text.replace('⏎', "\n")
-            .replace('␍', "\r")
-            .replace('⇥', "\t")
-    };
     let written = OF_OTHER_PROGRAMS.trim().lines();
     assert_eq!(written.clone().count(), 30);
     for line in written {
