@@ -297,12 +297,6 @@ impl Design {
     pub fn has_standing_field(&self) -> bool {
         self.background_t != 0.0 || self.has_magnets() || self.has_own_currents()
     }
-
-    /// Whether any material saturates.
-    #[must_use]
-    pub fn saturates(&self) -> bool {
-        self.parts.iter().any(|part| !part.material.is_linear())
-    }
 }
 
 /// Error in a design.
