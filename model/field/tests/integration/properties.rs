@@ -272,7 +272,7 @@ gap = 5.0 | gap = "5" | gap = 5.0 | expected
 5.28 + gap | 5.28 + gop | { r = [0.0, 30.0], x = [-2.0, "5.28 + gap"] } | "gop" is neither a number nor a parameter
 [core] | [core]⏎radius = 5 | [core] ↓1 | unknown field `radius`
 mu_r = 3.7 | mu_r = 3.7⏎saturation_A_per_m = 5e5⏎remanence_T = 1.2 | mu_r = 3.7 ↓2 | material.mse.remanence_T: stands without mu_r alone
-mu_r = 3.7 | mu_r = 3.7⏎knee_T = 1.0 | [material.mse] | is in no known form
+mu_r = 3.7 | mu_r = 3.7⏎knee_T = 1.0 | [material.mse] | has an unknown form
 "#;
 
 #[test]

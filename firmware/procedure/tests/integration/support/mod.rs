@@ -138,12 +138,47 @@ pub(crate) struct Rig {
     pub(crate) open: Vec<(u32, u8)>,
     /// The last command was a stop: nothing may be driven.
     pub(crate) stopped: bool,
+    /// Events and the resulting actions, for a test that repeats them.
+    pub(crate) tape: Option<Vec<Observed>>,
+}
+
+/// An event with its time and the resulting actions.
+#[derive(Clone)]
+pub(crate) struct Observed {
+    pub(crate) now_us: u64,
+    pub(crate) event: OwnEvent,
+    pub(crate) actions: Actions,
+}
+
+/// An event that owns its data.
+#[derive(Clone)]
+pub(crate) enum OwnEvent {
+    Tick,
+    Scan(Scan),
+    Command(Frame<Command>),
+    Conditions(Conditions),
+    CoilTested(CoilTest),
+    Other,
+}
+
+impl OwnEvent {
+    fn of(event: &Event<'_>) -> Self {
+        match event {
+            Event::Tick => Self::Tick,
+            Event::Scan(scan) => Self::Scan((*scan).clone()),
+            Event::Command(_, frame) => Self::Command((*frame).clone()),
+            Event::Conditions(conditions) => Self::Conditions(*conditions),
+            Event::CoilTested(found) => Self::CoilTested(found.clone()),
+            _ => Self::Other,
+        }
+    }
 }
 
 impl Rig {
     /// Creates a device that has just started.
     pub(crate) fn started_as(board: BoardInfo) -> Self {
         Self {
+            tape: None,
             limits: board.limits,
             procedure: Procedure::new(board),
             sensor: Sensor::default(),
@@ -267,6 +302,13 @@ impl Rig {
     fn step_alone(&mut self, event: &Event<'_>) -> Actions {
         let now = Instant::from_ticks(self.now_us);
         let actions = self.procedure.step(now, event);
+        if let Some(tape) = &mut self.tape {
+            tape.push(Observed {
+                now_us: self.now_us,
+                event: OwnEvent::of(event),
+                actions: actions.clone(),
+            });
+        }
         for action in &actions {
             match action {
                 Action::SafeState => {
