@@ -57,7 +57,7 @@ impl<F: NorFlash> StorageTask<F> {
             }
             StorageOrder::Begin => {
                 self.put = None;
-                self.begin()
+                self.begin().await
             }
             StorageOrder::Put(command) => self.put(&command).await,
             StorageOrder::Inspect => return Some(self.inspect().await),
@@ -125,9 +125,9 @@ impl<F: NorFlash> StorageTask<F> {
         }
     }
 
-    fn begin(&mut self) -> Result<(), StorageFailure> {
+    async fn begin(&mut self) -> Result<(), StorageFailure> {
         let store = self.store.as_mut().ok_or(StorageFailure::Absent)?;
-        store.begin().map_err(failure)
+        store.begin().await.map_err(failure)
     }
 
     async fn put(&mut self, command: &Command) -> Result<(), StorageFailure> {
@@ -172,7 +172,7 @@ impl<F: NorFlash> StorageTask<F> {
                 identity: self.identity.clone(),
             },
             Some(Contents::Empty) => nothing(StorageState::Empty),
-            Some(Contents::Damaged { .. }) => nothing(StorageState::Damaged),
+            Some(Contents::Damaged) => nothing(StorageState::Damaged),
             Some(Contents::Newer) => nothing(StorageState::Newer),
             None => Stored::UNAVAILABLE,
         };

@@ -3,19 +3,20 @@
 use core::ops::Range;
 
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
-use sequential_storage::Error as MapError;
+use sequential_storage::Error as QueueError;
 use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage};
+use sequential_storage::queue::{QueueConfig, QueueStorage};
 
-use crate::Error;
-use crate::item::{Item, KEY, Key, WORK};
+use crate::item::{Item, MAX_ITEM};
+use crate::scan::Located;
+use crate::{Error, seal};
 
 /// Number of bytes that are read at a time to check whether a sector is erased.
 const POLL: usize = 256;
 
-/// Minimum number of sectors of a slot: the map (sequential-storage) always keeps one of them erased.
-const LEAST_SECTORS: u32 = 2;
+/// Working memory of the queue in bytes: the longest item, padded to the longest supported word (32 bytes,
+/// `MAX_WORD_SIZE` of sequential-storage).
+const WORK: usize = MAX_ITEM.next_multiple_of(32);
 
 /// One half of the area. A save goes to the slot that does not hold the stored set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +42,6 @@ pub(crate) struct Area<S> {
     start: u32,
     /// Size of a slot in bytes.
     slot: u32,
-    /// Number of sectors of a slot.
-    sectors: u32,
 }
 
 impl<S: NorFlash> Area<S> {
@@ -55,23 +54,20 @@ impl<S: NorFlash> Area<S> {
 
     pub(crate) fn new(flash: S, range: &Range<u32>) -> Result<Self, Error<S::Error>> {
         let size = range.end.checked_sub(range.start).ok_or(Error::Range)?;
-        let sectors = size / Self::SECTOR / 2;
-        let area = Self {
+        let slot = size / 2;
+        let is_aligned =
+            range.start.is_multiple_of(Self::SECTOR) && size.is_multiple_of(2 * Self::SECTOR);
+        let is_within = range.end as usize <= flash.capacity();
+        // The queue refuses too short ranges and too long words.
+        let is_accepted = is_aligned && QueueConfig::<Window<'_, S>>::try_new(0..slot).is_ok();
+        if !(is_within && is_accepted) {
+            return Err(Error::Range);
+        }
+        Ok(Self {
             flash,
             start: range.start,
-            slot: sectors.saturating_mul(Self::SECTOR),
-            sectors,
-        };
-        let is_aligned = range.start.is_multiple_of(Self::SECTOR) && area.slot * 2 == size;
-        let is_within = range.end as usize <= area.flash.capacity();
-        let is_long_enough = sectors >= LEAST_SECTORS;
-        // The map refuses unsuitable ranges and too long words.
-        let is_accepted = MapConfig::<Window<'_, S>>::try_new(0..area.slot).is_ok();
-        if is_aligned && is_within && is_long_enough && is_accepted {
-            Ok(area)
-        } else {
-            Err(Error::Range)
-        }
+            slot,
+        })
     }
 
     fn start_of(&self, slot: Slot) -> u32 {
@@ -81,52 +77,60 @@ impl<S: NorFlash> Area<S> {
         }
     }
 
-    /// Returns the map of a slot, rotated so that it starts with another sector in every generation: all
-    /// sectors wear equally.
-    fn map(&mut self, slot: Slot, generation: u32) -> Result<Map<'_, S>, Error<S::Error>> {
-        let start = self.start_of(slot);
+    /// Returns the queue of a slot, rotated so that it starts with another sector in every generation:
+    /// all sectors wear equally.
+    fn queue(&mut self, slot: Slot, generation: u32) -> Result<Queue<'_, S>, Error<S::Error>> {
         // Half the generation, since only every other generation goes to this slot.
-        let turn = (generation / 2).checked_rem(self.sectors).unwrap_or(0);
+        let turn = (generation / 2).wrapping_mul(Self::SECTOR);
         let window = Window {
-            flash: &mut self.flash,
-            start,
+            start: self.start_of(slot),
             size: self.slot,
-            turn: turn.wrapping_mul(Self::SECTOR),
-            reads_left: self.slot,
+            turn: turn.checked_rem(self.slot).unwrap_or(0),
+            flash: &mut self.flash,
         };
-        let config = MapConfig::try_new(0..self.slot).map_err(|_| Error::Range)?;
-        Ok(MapStorage::new(window, config, Cache::new_uncached()))
+        let config = QueueConfig::try_new(0..self.slot).map_err(|_| Error::Range)?;
+        Ok(QueueStorage::new(window, config, Cache::new_uncached()))
     }
 
     /// Passes the items of a slot to `show` in the order in which they were written, with the generation
     /// of their save, until `show` returns `false`. Returns `false` if the slot cannot be read to its
-    /// end. Writes nothing. Damaged items are skipped, so a checksum over the items is needed.
+    /// end. Writes nothing. The queue leaves out what its checksums find damaged, so the items have to be
+    /// counted.
     pub(crate) async fn read(
         &mut self,
         slot: Slot,
         show: &mut dyn FnMut(u32, Item) -> bool,
     ) -> Result<bool, Error<S::Error>> {
-        // Rotated by 0 instead of by the slot's generation, which is not known yet: the map finds its
+        // Rotated by 0 instead of by the slot's generation, which is not known yet: the queue finds its
         // first sector at any position.
-        let mut map = self.map(slot, 0)?;
-        let mut work = [0; WORK];
-        let mut items = match map.fetch_all_items(&mut work).await {
-            Ok(items) => items,
-            Err(error) => return unreadable(error),
-        };
-        loop {
-            match items.next::<&[u8]>(&mut work).await {
-                Ok(None) => return Ok(true),
-                Ok(Some((_, bytes))) => {
-                    if let Some((generation, item)) = Item::read(bytes)
-                        && !show(generation, item)
-                    {
-                        return Ok(true);
-                    }
-                }
-                Err(error) => return unreadable(error),
-            }
+        let mut queue = self.queue(slot, 0)?;
+        match show_all(&mut queue, show).await {
+            Ok(()) => Ok(true),
+            Err(QueueError::Storage { value, .. }) => Err(Error::Flash(value)),
+            Err(_) => Ok(false),
         }
+    }
+
+    /// Passes the items of a stored set to `show`, until it returns `false`.
+    pub(crate) async fn read_set(
+        &mut self,
+        set: &Located,
+        show: &mut dyn FnMut(Item) -> bool,
+    ) -> Result<(), Error<S::Error>> {
+        let mut left = set.sum.items;
+        let mut goes_on = true;
+        let mut show_item = |_, item: Item| {
+            if item.key.number != seal::NUMBER {
+                left = left.saturating_sub(1);
+                goes_on = show(item);
+            }
+            goes_on
+        };
+        self.read(set.slot, &mut show_item).await?;
+        if goes_on && left > 0 {
+            return Err(Error::Damaged);
+        }
+        Ok(())
     }
 
     /// Writes an item after the existing items of a slot.
@@ -134,21 +138,12 @@ impl<S: NorFlash> Area<S> {
         &mut self,
         slot: Slot,
         generation: u32,
-        item: &Item,
+        item: &[u8],
     ) -> Result<(), Error<S::Error>> {
-        let mut map = self.map(slot, generation)?;
-        let bytes = item.bytes(generation);
-        let value = bytes.get(KEY..).unwrap_or_default();
-        let mut work = [0; WORK];
-        let stored = map.store_item(&mut work, &item.key, &value);
-        stored.await.map_err(|error| match error {
-            MapError::Storage {
-                value: WindowError::Flash(error),
-                ..
-            } => Error::Flash(error),
-            // The map wants to erase when a slot is full, and its search for space does not end in
-            // garbage; both mean that there is no space.
-            MapError::Storage { .. } | MapError::FullStorage | MapError::ItemTooBig => Error::Full,
+        let mut queue = self.queue(slot, generation)?;
+        queue.push(item, false).await.map_err(|error| match error {
+            QueueError::Storage { value, .. } => Error::Flash(value),
+            QueueError::FullStorage | QueueError::ItemTooBig => Error::Full,
             _ => Error::NotKept,
         })
     }
@@ -156,8 +151,8 @@ impl<S: NorFlash> Area<S> {
     /// Erases every sector of a slot that is not erased.
     pub(crate) async fn clear(&mut self, slot: Slot) -> Result<(), Error<S::Error>> {
         let start = self.start_of(slot);
-        for sector in 0..self.sectors {
-            let from = start.wrapping_add(sector.wrapping_mul(Self::SECTOR));
+        for offset in (0..self.slot).step_by(S::ERASE_SIZE) {
+            let from = start.wrapping_add(offset);
             if !self.is_erased(from).await? {
                 let to = from.wrapping_add(Self::SECTOR);
                 self.flash.erase(from, to).await.map_err(Error::Flash)?;
@@ -168,8 +163,8 @@ impl<S: NorFlash> Area<S> {
 
     async fn is_erased(&mut self, sector: u32) -> Result<bool, Error<S::Error>> {
         let mut bytes = [0; POLL];
-        for look in 0..Self::SECTOR / POLL as u32 {
-            let from = sector.wrapping_add(look.wrapping_mul(POLL as u32));
+        for offset in (0..Self::SECTOR).step_by(POLL) {
+            let from = sector.wrapping_add(offset);
             let read = self.flash.read(from, &mut bytes).await;
             read.map_err(Error::Flash)?;
             if bytes.iter().any(|byte| *byte != u8::MAX) {
@@ -184,33 +179,34 @@ impl<S: NorFlash> Area<S> {
     }
 }
 
-/// Distinguishes data that the map cannot read from a flash that does not answer.
-fn unreadable<E>(error: MapError<WindowError<E>>) -> Result<bool, Error<E>> {
-    match error {
-        MapError::Storage {
-            value: WindowError::Flash(error),
-            ..
-        } => Err(Error::Flash(error)),
-        _ => Ok(false),
+async fn show_all<S: NorFlash>(
+    queue: &mut Queue<'_, S>,
+    show: &mut dyn FnMut(u32, Item) -> bool,
+) -> Result<(), QueueError<S::Error>> {
+    let mut work = [0; WORK];
+    let mut items = queue.iter().await?;
+    while let Some(bytes) = items.next(&mut work).await? {
+        if let Some((generation, item)) = Item::read(&bytes)
+            && !show(generation, item)
+        {
+            break;
+        }
     }
+    Ok(())
 }
 
-type Map<'a, S> = MapStorage<Key, Window<'a, S>, Cache<Uncached, Uncached, Uncached, Key>>;
+type Queue<'a, S> = QueueStorage<Window<'a, S>, Cache<Uncached, Uncached, Uncached>>;
 
-/// A slot as a separate flash that the map may read and write but never erase. The map erases to reuse a
-/// sector, and to repair an apparently interrupted operation of its own, which could destroy the stored
-/// set.
+/// A slot as a flash of its own that the queue reads and writes, but does not erase. The queue erases to
+/// repair an apparently interrupted operation of its own, and sectors in which it finds no item; both could
+/// destroy what is stored. It never depends on an erasure, since a slot is erased before a save.
 struct Window<'a, S> {
     flash: &'a mut S,
     /// Start address of the slot, and its size.
     start: u32,
     size: u32,
-    /// Offset in the slot of the window's address 0: the rotation of the map.
+    /// Offset in the slot of the window's address 0: the rotation of the queue.
     turn: u32,
-    /// Remaining number of reads, at first four for each word of the slot. The map reads each word of
-    /// its own items once or twice; in garbage that resembles items, a search for space restarts at most
-    /// words.
-    reads_left: u32,
 }
 
 impl<S> Window<'_, S> {
@@ -221,38 +217,15 @@ impl<S> Window<'_, S> {
     }
 }
 
-/// Error of a window.
-#[derive(Debug)]
-enum WindowError<E> {
-    Flash(E),
-    /// The map tried to erase.
-    Erases,
-    /// The map exceeded the number of reads.
-    Endless,
-}
-
-impl<E: NorFlashError> NorFlashError for WindowError<E> {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::Flash(error) => error.kind(),
-            Self::Erases | Self::Endless => NorFlashErrorKind::Other,
-        }
-    }
-}
-
 impl<S: NorFlash> ErrorType for Window<'_, S> {
-    type Error = WindowError<S::Error>;
+    type Error = S::Error;
 }
 
 impl<S: NorFlash> ReadNorFlash for Window<'_, S> {
     const READ_SIZE: usize = S::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-        let left = self.reads_left.checked_sub(1);
-        self.reads_left = left.ok_or(WindowError::Endless)?;
-        let address = self.address(offset);
-        let read = self.flash.read(address, bytes).await;
-        read.map_err(WindowError::Flash)
+        self.flash.read(self.address(offset), bytes).await
     }
 
     fn capacity(&self) -> usize {
@@ -265,12 +238,10 @@ impl<S: NorFlash> NorFlash for Window<'_, S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, _from: u32, _to: u32) -> Result<(), Self::Error> {
-        Err(WindowError::Erases)
+        Ok(())
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
-        let address = self.address(offset);
-        let written = self.flash.write(address, bytes).await;
-        written.map_err(WindowError::Flash)
+        self.flash.write(self.address(offset), bytes).await
     }
 }

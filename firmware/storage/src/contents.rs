@@ -22,11 +22,7 @@ pub enum Contents {
     /// A set with every bit as it was saved.
     Whole(Set),
     /// A set that differs from the saved one.
-    Damaged {
-        /// The previously saved set, if that is whole. See
-        /// [`Store::rewind_to_older`](crate::Store::rewind_to_older).
-        older: Option<Set>,
-    },
+    Damaged,
     /// A set in a format that this firmware does not know.
     Newer,
 }

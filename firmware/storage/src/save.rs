@@ -1,36 +1,74 @@
 //! Saving: replaces the stored set atomically.
 
+use core::fmt;
+
 use embedded_storage_async::nor_flash::NorFlash;
 use palpate_wire::{Command, ConfigurationCrc, Message};
 
 use crate::area::Slot;
 use crate::item::{Item, Key};
-use crate::save_state::Save;
-use crate::scan::Scan;
-use crate::seal::{Seal, SealCopy, Sum};
-use crate::{Contents, Error, Store, parts, settings};
+use crate::scan::{Located, Scan};
+use crate::seal::{self, Sum};
+use crate::{Contents, Error, Store, knows, parts, settings};
+
+/// Save in progress.
+pub(crate) struct Save {
+    slot: Slot,
+    generation: u32,
+    /// The stored set that is replaced.
+    stored: Option<Located>,
+    /// Number of items so far, and key of the last one.
+    items: u16,
+    last: Option<Key>,
+    /// Key of the last item that the caller has put.
+    put: Option<Key>,
+    configuration_crc: ConfigurationCrc,
+}
+
+impl fmt::Debug for Save {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Save")
+            .field("generation", &self.generation)
+            .field("items", &self.items)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Save {
+    /// Returns whether a stored item that the caller did not put is the next of the save, before a key: if
+    /// this firmware does not know it and the save does not replace it.
+    fn keeps(&self, stored: &Item, next: Key) -> bool {
+        let is_replaced = |key: Key| key.is_of_one_part(stored.key);
+        let is_between = self.last < Some(stored.key) && stored.key < next;
+        is_between
+            && !knows(stored.key, stored.version)
+            && !is_replaced(next)
+            && !self.put.is_some_and(is_replaced)
+    }
+}
 
 impl<S: NorFlash> Store<S> {
     /// Begins a save, which replaces the stored set except for items that this firmware does not know.
-    /// Does not access the flash. Abandons a save in progress.
+    /// Erases the save before the stored one. Abandons a save in progress.
     ///
     /// # Errors
     ///
     /// [`Error::Newer`] if a later firmware stored a set in another format, which would be lost.
-    /// [`Error::Exhausted`].
-    pub fn begin(&mut self) -> Result<(), Error<S::Error>> {
+    /// [`Error::Exhausted`] and [`Error::Flash`].
+    pub async fn begin(&mut self) -> Result<(), Error<S::Error>> {
         self.abandon();
         if self.survey.contents == Contents::Newer {
             return Err(Error::Newer);
         }
+        let generation = self.next_generation()?;
+        self.area.clear(self.survey.target).await?;
         self.save = Some(Save {
             slot: self.survey.target,
-            generation: self.next_generation()?,
+            generation,
             stored: self.survey.stored,
             items: 0,
-            digest: 0,
-            is_writing: false,
             last: None,
+            put: None,
             configuration_crc: ConfigurationCrc::new(),
         });
         Ok(())
@@ -43,9 +81,7 @@ impl<S: NorFlash> Store<S> {
     }
 
     /// Adds a command: settings first, then the parts in the order of
-    /// [`configuration_crc`](palpate_wire::configuration_crc). Writes nothing as long as all items equal
-    /// the stored ones. At the first difference it erases the sectors of the save before the stored one,
-    /// and writes all items so far.
+    /// [`configuration_crc`](palpate_wire::configuration_crc).
     ///
     /// # Errors
     ///
@@ -60,8 +96,7 @@ impl<S: NorFlash> Store<S> {
         result
     }
 
-    /// Completes a save, which makes it the stored set as a whole. Returns `true` if that changed the
-    /// stored set.
+    /// Completes a save, which makes it the stored set as a whole.
     ///
     /// # Errors
     ///
@@ -69,7 +104,7 @@ impl<S: NorFlash> Store<S> {
     /// [`Error::Damaged`]. The previous set remains, unless the flash fails after the seal was written:
     /// [`contents`](Self::contents) then returns the stored set or, after [`Error::Flash`], opening the
     /// storage again does.
-    pub async fn commit(&mut self) -> Result<bool, Error<S::Error>> {
+    pub async fn commit(&mut self) -> Result<(), Error<S::Error>> {
         let result = self.commit_all().await;
         self.abandon();
         result
@@ -93,123 +128,94 @@ impl<S: NorFlash> Store<S> {
 
     async fn put_item(&mut self, item: Item, kind: u8) -> Result<(), Error<S::Error>> {
         let save = self.save.as_mut().ok_or(Error::NotBegun)?;
-        if save.last.is_some_and(|last| last >= item.key) {
+        if save.put >= Some(item.key) {
             return Err(Error::OutOfOrder { kind });
         }
-        self.pass_up_to(item.key).await?;
-        let stored = self.stored_item().await?;
-        let is_stored = stored.as_ref() == Some(&item);
-        if !is_stored {
-            self.write_from_here().await?;
-        }
-        if stored.is_some_and(|stored| stored.key == item.key) {
-            self.reader.advance();
-        }
+        self.keep_up_to(item.key).await?;
+        self.append(&item).await?;
         if let Some(save) = &mut self.save {
-            save.last = Some(item.key);
+            save.put = Some(item.key);
         }
-        self.append(&item).await
+        Ok(())
     }
 
-    async fn commit_all(&mut self) -> Result<bool, Error<S::Error>> {
-        self.pass_up_to(Key::LAST).await?;
-        let save = self.save.as_ref().ok_or(Error::NotBegun)?;
-        if !save.is_writing && !matches!(self.survey.contents, Contents::Damaged { .. }) {
-            return Ok(false);
-        }
-        self.write_from_here().await?;
+    async fn commit_all(&mut self) -> Result<(), Error<S::Error>> {
+        self.keep_up_to(Key::LAST).await?;
         let save = self.save.as_ref().ok_or(Error::NotBegun)?;
         let (slot, generation) = (save.slot, save.generation);
-        let sum = save.sum(save.configuration_crc.value());
-        if !Scan::of(&mut self.area, slot)
-            .await?
-            .holds(generation, &sum)
-        {
+        let sum = Sum {
+            items: save.items,
+            configuration_crc: save.configuration_crc.value(),
+            erased: save.stored.map_or(0, |set| set.sum.erased),
+        };
+        let written = Scan::of(&mut self.area, slot).await?;
+        if !written.holds(generation, sum.items) {
             return Err(Error::NotKept);
         }
         self.seal(slot, generation, &sum).await?;
+        self.copy_seal(slot.other(), generation, &sum).await?;
         self.survey_again().await?;
         let is_kept = self.survey.stored.is_some_and(|set| set.sum == sum);
-        is_kept.then_some(true).ok_or(Error::NotKept)
+        is_kept.then_some(()).ok_or(Error::NotKept)
     }
 
-    /// Writes a seal after the items of a slot, and a copy in the other slot. From the first copy on,
-    /// the save is the stored set.
+    /// Writes a seal after the items of a slot. From here on, the save is the stored set.
     pub(crate) async fn seal(
         &mut self,
         slot: Slot,
         generation: u32,
         sum: &Sum,
     ) -> Result<(), Error<S::Error>> {
-        for copy in [SealCopy::Own(0), SealCopy::Own(1)] {
-            let item = Seal::item(sum, copy);
-            self.area.append(slot, generation, &item).await?;
+        let seal = sum.seal(seal::OF_THIS_SLOT).bytes(generation);
+        self.area.append(slot, generation, &seal).await
+    }
+
+    /// Writes a copy of the seal in the slot without the save. Without it a save whose seal is lost would
+    /// look like one that was interrupted, and the set before it like the stored one.
+    async fn copy_seal(
+        &mut self,
+        slot: Slot,
+        generation: u32,
+        sum: &Sum,
+    ) -> Result<(), Error<S::Error>> {
+        if self.survey.stored.is_none() {
+            self.area.clear(slot).await?;
         }
-        let seal_of_other_slot = Seal::item(sum, SealCopy::OtherSlot);
-        match self
-            .area
-            .append(slot.other(), generation, &seal_of_other_slot)
-            .await
-        {
+        let seal = sum.seal(seal::OF_OTHER_SLOT).bytes(generation);
+        match self.area.append(slot, generation, &seal).await {
             Err(Error::Flash(error)) => Err(Error::Flash(error)),
-            // A copy that does not fit into the other slot, which may be damaged or full, is omitted:
-            // two copies are in the save's own slot.
+            // The save is stored even if the set before it leaves no space for the copy.
             _ => Ok(()),
         }
     }
 
-    /// Returns the next item of the stored set.
-    async fn stored_item(&mut self) -> Result<Option<Item>, Error<S::Error>> {
-        match self.save.as_ref().and_then(|save| save.stored) {
-            Some(set) => self.reader.peek(&mut self.area, &set).await,
-            None => Ok(None),
-        }
-    }
-
-    /// Passes the stored items before a key: keeps those that remain, drops the others.
-    async fn pass_up_to(&mut self, key: Key) -> Result<(), Error<S::Error>> {
-        while let Some(stored) = self.stored_item().await?
-            && stored.key < key
-        {
-            let keeps = self.save.as_ref().is_some_and(|it| it.keeps(&stored, key));
-            if keeps {
-                self.reader.advance();
-                self.append(&stored).await?;
-            } else {
-                self.write_from_here().await?;
-                self.reader.advance();
+    /// Keeps the stored items before a key that this firmware does not know, one in each pass.
+    async fn keep_up_to(&mut self, key: Key) -> Result<(), Error<S::Error>> {
+        loop {
+            let save = self.save.as_ref().ok_or(Error::NotBegun)?;
+            let Some(set) = save.stored.filter(|set| set.unknown > 0) else {
+                return Ok(());
+            };
+            let mut next = None;
+            let mut take = |item: Item| {
+                next = save.keeps(&item, key).then_some(item);
+                next.is_none()
+            };
+            self.area.read_set(&set, &mut take).await?;
+            match next {
+                Some(item) => self.append(&item).await?,
+                None => return Ok(()),
             }
         }
-        Ok(())
-    }
-
-    /// Starts writing, since the new set differs from the stored one from the next item on. Writes the
-    /// items that both have in common first.
-    async fn write_from_here(&mut self) -> Result<(), Error<S::Error>> {
-        let save = self.save.as_mut().ok_or(Error::NotBegun)?;
-        if core::mem::replace(&mut save.is_writing, true) {
-            return Ok(());
-        }
-        let (slot, generation, common) = (save.slot, save.generation, save.items);
-        self.area.clear(slot).await?;
-        self.reader.rewind();
-        for _ in 0..common {
-            let item = self.stored_item().await?.ok_or(Error::Damaged)?;
-            self.area.append(slot, generation, &item).await?;
-            self.reader.advance();
-        }
-        Ok(())
     }
 
     /// Adds an item to the new set.
     async fn append(&mut self, item: &Item) -> Result<(), Error<S::Error>> {
         let save = self.save.as_mut().ok_or(Error::NotBegun)?;
         save.items = save.items.checked_add(1).ok_or(Error::Full)?;
-        save.digest = item.digest(save.digest);
-        if save.is_writing {
-            let (slot, generation) = (save.slot, save.generation);
-            self.area.append(slot, generation, item).await?;
-        }
-        Ok(())
+        save.last = Some(item.key);
+        let (slot, generation) = (save.slot, save.generation);
+        let bytes = item.bytes(generation);
+        self.area.append(slot, generation, &bytes).await
     }
 }

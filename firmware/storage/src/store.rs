@@ -8,9 +8,8 @@ use palpate_wire::{Command, Message};
 
 use crate::area::Area;
 use crate::item::Item;
-use crate::reader::Reader;
-use crate::save_state::Save;
-use crate::scan::{Located, Survey};
+use crate::save::Save;
+use crate::scan::Survey;
 use crate::seal::Sum;
 use crate::{Contents, Error, knows, parts, settings};
 
@@ -25,18 +24,16 @@ use crate::{Contents, Error, knows, parts, settings};
 pub struct Store<S> {
     pub(crate) area: Area<S>,
     pub(crate) survey: Survey,
-    pub(crate) reader: Reader,
-    /// The set that [`Self::next`] reads.
-    reading: Option<Located>,
+    /// Number of items that [`Self::next`] has passed.
+    passed: u16,
     pub(crate) save: Option<Save>,
 }
 
 impl<S: NorFlash> Store<S> {
     /// Opens the storage in a range of flash; writes nothing. Addresses are those of the flash driver,
-    /// in bytes. The range holds two slots of at least two sectors, half each, and every bit of it
-    /// belongs to the storage. A word, the larger of `READ_SIZE` and `WRITE_SIZE`, may have 32 bytes;
-    /// each item is padded to words, and with more than 8 bytes the largest calibration does not fit 64
-    /// KiB.
+    /// in bytes. The range holds two slots of whole sectors, half each, and every bit of it belongs to the
+    /// storage. A word, the larger of `READ_SIZE` and `WRITE_SIZE`, may have 32 bytes; each item is padded
+    /// to words.
     ///
     /// # Errors
     ///
@@ -44,12 +41,10 @@ impl<S: NorFlash> Store<S> {
     /// error: see [`contents`](Self::contents).
     pub async fn open(flash: S, range: Range<u32>) -> Result<Self, Error<S::Error>> {
         let mut area = Area::new(flash, &range)?;
-        let survey = Survey::of(&mut area).await?;
         Ok(Self {
+            survey: Survey::of(&mut area).await?,
             area,
-            survey,
-            reader: Reader::new(),
-            reading: survey.stored,
+            passed: 0,
             save: None,
         })
     }
@@ -59,27 +54,14 @@ impl<S: NorFlash> Store<S> {
         self.survey.contents
     }
 
-    /// Returns whether a save after the stored set was interrupted.
-    pub const fn is_interrupted(&self) -> bool {
-        self.survey.is_interrupted
-    }
-
     /// Returns the flash.
     pub fn into_flash(self) -> S {
         self.area.into_flash()
     }
 
     /// Lets [`next`](Self::next) start again.
-    pub fn rewind(&mut self) {
-        self.reading = self.survey.stored;
-        self.reader.rewind();
-    }
-
-    /// Lets [`next`](Self::next) read the set before the damaged one. Returns `false` if there is none.
-    pub fn rewind_to_older(&mut self) -> bool {
-        self.rewind();
-        self.reading = self.survey.older;
-        self.reading.is_some()
+    pub const fn rewind(&mut self) {
+        self.passed = 0;
     }
 
     /// Returns the next command that sets the stored configuration: settings first, then the parts of
@@ -96,50 +78,27 @@ impl<S: NorFlash> Store<S> {
         if self.save.is_some() {
             return Err(Error::Saving);
         }
-        let Some(set) = self.reading else {
-            return self.nothing_to_read();
+        let Some(set) = self.survey.stored else {
+            return match self.survey.contents {
+                Contents::Newer => Err(Error::Newer),
+                Contents::Empty => Ok(None),
+                Contents::Damaged | Contents::Whole(_) => Err(Error::Damaged),
+            };
         };
-        while let Some(item) = self.reader.peek(&mut self.area, &set).await? {
-            if !knows(item.key, item.version) {
-                self.reader.advance();
-            } else if item.key.number == settings::NUMBER {
-                let settings = self.settings(&set, defaults).await?;
-                return checked(Command::SetSettings(settings)).map(Some);
-            } else {
-                self.reader.advance();
-                let command = parts::command(&item).ok_or_else(|| unreadable(&item))?;
-                return checked(command).map(Some);
-            }
-        }
-        Ok(None)
-    }
-
-    /// Returns why there is no set to read.
-    fn nothing_to_read(&self) -> Result<Option<Command>, Error<S::Error>> {
-        match self.survey.contents {
-            Contents::Damaged { .. } => Err(Error::Damaged),
-            Contents::Newer => Err(Error::Newer),
-            Contents::Empty | Contents::Whole(_) => Ok(None),
-        }
-    }
-
-    /// Collects the settings, one item each.
-    async fn settings(
-        &mut self,
-        set: &Located,
-        defaults: &Settings,
-    ) -> Result<Settings, Error<S::Error>> {
-        let mut settings = defaults.clone();
-        let mut result = Ok(());
-        while let Some(item) = self.reader.peek(&mut self.area, set).await?
-            && item.key.number == settings::NUMBER
-        {
-            self.reader.advance();
-            if settings::take(&mut settings, &item).is_none() {
-                result = Err(unreadable(&item));
-            }
-        }
-        result.map(|()| settings)
+        let mut search = Search {
+            before: self.passed,
+            passed: 0,
+            found: None,
+        };
+        let mut take = |item| search.goes_on(&item, defaults);
+        self.area.read_set(&set, &mut take).await?;
+        self.passed = search.passed;
+        let Some((number, command)) = search.found else {
+            return Ok(None);
+        };
+        let command = command.ok_or(Error::Unreadable { number })?;
+        command.validate().map_err(Error::Invalid)?;
+        Ok(Some(command))
     }
 
     /// Erases the storage, including unreadable and unknown items. A power cut leaves all or nothing of
@@ -158,7 +117,7 @@ impl<S: NorFlash> Store<S> {
             let erased = self.next_generation()?;
             let nothing = Sum {
                 erased,
-                ..Sum::NOTHING
+                ..Sum::default()
             };
             self.seal(target, erased, &nothing).await?;
         }
@@ -187,13 +146,39 @@ impl<S: NorFlash> Store<S> {
     }
 }
 
-fn unreadable<E>(item: &Item) -> Error<E> {
-    Error::Unreadable {
-        number: item.key.number,
-    }
+/// Search for the next command in one pass over a set.
+struct Search {
+    /// Number of items that earlier searches have passed.
+    before: u16,
+    /// Number of items so far.
+    passed: u16,
+    /// Number of the command's kind, and the command; `None` if an item of it is unreadable.
+    found: Option<(u8, Option<Command>)>,
 }
 
-fn checked<E>(command: Command) -> Result<Command, Error<E>> {
-    command.validate().map_err(Error::Invalid)?;
-    Ok(command)
+impl Search {
+    /// Takes an item. Returns `false` once the command is complete.
+    fn goes_on(&mut self, item: &Item, defaults: &Settings) -> bool {
+        let number = item.key.number;
+        let is_of_settings = number == settings::NUMBER;
+        if self.found.is_some() && !is_of_settings {
+            return false;
+        }
+        self.passed = self.passed.saturating_add(1);
+        if self.passed <= self.before || !knows(item.key, item.version) {
+            return true;
+        }
+        if !is_of_settings {
+            self.found = Some((number, parts::command(item)));
+            return false;
+        }
+        let start = || (number, Some(Command::SetSettings(defaults.clone())));
+        let (_, command) = self.found.get_or_insert_with(start);
+        if let Some(Command::SetSettings(settings)) = command
+            && settings::take(settings, item).is_none()
+        {
+            *command = None;
+        }
+        true
+    }
 }

@@ -7,11 +7,10 @@ mod support;
 
 use std::process::ExitCode;
 
-use support::bits::area;
 use support::cuts::{Operation, nested};
-use support::garbage::survives;
+use support::damage::{survives, turn_area};
 use support::specimens::{small, typical};
-use support::wear::{alternating, wear};
+use support::wear;
 
 use crate::drawn::Seed;
 use crate::evidence::conclude;
@@ -24,7 +23,7 @@ const SAVES: u32 = 100_000;
 const UNEVEN: u32 = 2;
 
 pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
-    let bits = area(1);
+    let bits = turn_area(1);
     let first = 1_000_000 * seed;
     (first..first + SPOILT).for_each(survives);
     let history = [small(6e3), typical()];
@@ -34,7 +33,7 @@ pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
         + nested(&history, Operation::Save(&less), Operation::Save(&fewer))
         + nested(&history, Operation::Erase, Operation::Save(&typical()[1..]));
     let changing = |number| small(1e3 + number as f32 / 64.0);
-    let worn = [wear(SAVES, changing), wear(SAVES, alternating(typical))];
+    let worn = [wear(SAVES, changing), wear(SAVES, |_| typical())];
     let [of_setting, of_calibration] = worn.map(|(least, most)| {
         assert!(most - least <= UNEVEN, "the sectors wear unevenly");
         format!("{least} to {most}")

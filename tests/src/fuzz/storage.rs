@@ -153,7 +153,7 @@ impl StorageBench {
             return Ok(());
         };
         self.saved.push(commands.to_vec());
-        if bearable(store.begin())?.is_none() {
+        if bearable(self.call(store.begin())?)?.is_none() {
             return Ok(());
         }
         for command in commands {
@@ -177,7 +177,7 @@ impl StorageBench {
                 Some(command) => self.call(store.put(command))?,
                 None => {
                     put.clear();
-                    store.begin()
+                    self.call(store.begin())?
                 }
             };
             let done = bearable(done)?.is_some();

@@ -46,7 +46,15 @@ impl Procedure {
         if !self.check_all(out) {
             return Outcome::Faulted;
         }
-        self.begin_work(StorageAction::Store, StorageOrder::Begin, out);
+        let stored = &self.storage.stored;
+        let is_sound = matches!(stored.state, StorageState::Whole | StorageState::Empty);
+        let order = if is_sound && stored.configuration_crc == self.configuration.crc() {
+            // What is in force is stored already: writing it again would only wear the flash.
+            StorageOrder::Inspect
+        } else {
+            StorageOrder::Begin
+        };
+        self.begin_work(StorageAction::Store, order, out);
         Outcome::Accepted
     }
 

@@ -369,6 +369,22 @@ fn nothing_is_set_or_driven_while_the_storage_is_at_work() {
 }
 
 #[test]
+fn what_is_stored_already_is_looked_at_and_not_written_again() {
+    let mut desk = Desk::new(&[]).begun();
+    let mut store = |rate_hz, order| {
+        desk.accepted(Command::SetSettings(settings(|it| it.rate_hz = rate_hz)));
+        desk.accepted(Command::Store);
+        assert_eq!(desk.orders, [order]);
+        desk.settle();
+        assert!(desk.storage().succeeded);
+        desk.storage().generation
+    };
+    assert_eq!(store(250.0, StorageOrder::Begin), 1);
+    assert_eq!(store(250.0, StorageOrder::Inspect), 1);
+    assert_eq!(store(500.0, StorageOrder::Begin), 2);
+}
+
+#[test]
 fn what_is_damaged_is_not_in_force_and_is_said() {
     let mut desk = Desk::new(&configured(500.0, 1));
     desk.fails = Some(StorageFailure::Damaged);

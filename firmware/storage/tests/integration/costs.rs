@@ -1,50 +1,55 @@
-//! Costs of opening, reading and saving in flash operations.
+//! Costs of opening, reading and saving in flash operations, and wear.
 
 use palpate_wire::Command;
 
 use crate::support::flash::{Counts, Flash};
 use crate::support::specimens::{fullest, typical};
-use crate::support::{load, open, save, saved};
+use crate::support::{load, open, save, saved, wear};
 
 /// Returns the time of all reads in seconds: 2 us for each word of four bytes that is read in whole or
 /// in part.
-fn reading_s(counts: &Counts) -> f64 {
+fn reading_s(what: &str, counts: &Counts) -> f64 {
     let words = counts.bytes_read as f64 / 4.0 + counts.reads as f64;
-    2e-6 * words
+    let reading_s = 2e-6 * words;
+    println!("{what}: {counts:?}, {:.1} ms of reading", 1e3 * reading_s);
+    reading_s
 }
 
-fn show(what: &str, counts: Counts) -> Counts {
-    println!(
-        "{what}: {counts:?}, {:.1} ms of reading",
-        1e3 * reading_s(&counts)
-    );
-    counts
-}
-
-/// Returns the costs of opening, of reading, and of saving with a change in the last command.
-fn costs(name: &str, commands: &[Command]) -> [Counts; 3] {
-    let shorter = commands[..commands.len() - 1].to_vec();
-    let mut flash: Flash = saved(&[commands.to_vec(), shorter, commands.to_vec()]);
+/// Checks the times in seconds of opening, of reading and of saving, and the number of erases.
+fn cost(name: &str, commands: &[Command], limits_s: [f64; 3], erases: u64) {
+    let mut flash: Flash = saved(&[commands.to_vec(), commands.to_vec(), commands.to_vec()]);
     flash.take_counts();
-    drop(open(&mut flash));
-    let opening = show(&format!("{name}, open"), flash.take_counts());
     let mut store = open(&mut flash).unwrap();
+    drop(store);
+    assert!(reading_s(&format!("{name}, open"), &flash.take_counts()) < limits_s[0]);
+    store = open(&mut flash).unwrap();
     load(&mut store).unwrap();
     drop(store);
-    let reading = show(&format!("{name}, open and read"), flash.take_counts());
-    let mut store = open(&mut flash).unwrap();
-    save(&mut store, &commands[..commands.len() - 1]).unwrap();
+    assert!(reading_s(&format!("{name}, open and read"), &flash.take_counts()) < limits_s[1]);
+    store = open(&mut flash).unwrap();
+    save(&mut store, commands).unwrap();
     drop(store);
-    let saving = show(&format!("{name}, open and save"), flash.take_counts());
-    [opening, reading, saving]
+    let saving = flash.take_counts();
+    assert!(reading_s(&format!("{name}, open and save"), &saving) < limits_s[2]);
+    assert_eq!(saving.erases, erases);
 }
 
 #[test]
 fn an_opening_takes_milliseconds_and_a_save_one_erase_for_each_sector() {
-    let [opening, reading, saving] = costs("typical", &typical());
-    assert!(reading_s(&opening) < 0.005 && reading_s(&reading) < 0.02);
-    assert!(saving.erases == 1 && reading_s(&saving) < 0.15);
-    let [opening, reading, saving] = costs("fullest", &fullest());
-    assert!(reading_s(&opening) < 0.02 && reading_s(&reading) < 0.2);
-    assert!(saving.erases == 2 && reading_s(&saving) < 0.8);
+    cost("typical", &typical(), [0.005, 0.02, 0.15], 1);
+    cost("fullest", &fullest(), [0.02, 0.2, 0.8], 2);
+}
+
+#[test]
+fn the_sectors_are_erased_equally_often() {
+    for (set, saves, sectors) in [(typical(), 500, 1), (fullest(), 100, 2)] {
+        let (least, greatest) = wear(saves, |_| set.clone());
+        assert!(greatest - least <= 2, "{least} to {greatest}");
+        // Each save erases the sectors of the save before the stored one.
+        let expected = saves * sectors / 16;
+        assert!(
+            greatest.abs_diff(expected) <= 2,
+            "{greatest}, not {expected}"
+        );
+    }
 }

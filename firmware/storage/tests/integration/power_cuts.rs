@@ -17,7 +17,7 @@ fn all_or_nothing(history: &[Configuration], deed: Operation<'_>) {
         let found = one_of(&mut flash, &[old, deed.outcome()]);
         counts[usize::from(found == deed.outcome())] += 1;
         let mut store = open(&mut flash).unwrap();
-        assert_eq!(save(&mut store, &next), Ok(true));
+        assert_eq!(save(&mut store, &next), Ok(()));
         assert_stored(&mut store, &next);
     });
     assert!(counts.iter().all(|count| *count > 0), "{counts:?}");

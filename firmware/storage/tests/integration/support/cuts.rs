@@ -19,7 +19,7 @@ impl Operation<'_> {
     pub(crate) fn on(self, flash: &mut Flash) -> Result<(), Error<Failure>> {
         let mut store = open(flash)?;
         match self {
-            Self::Save(commands) => save(&mut store, commands).map(drop),
+            Self::Save(commands) => save(&mut store, commands),
             Self::Erase => now(store.erase()),
         }
     }

@@ -2,13 +2,11 @@
 
 #![allow(dead_code, reason = "no program uses all of it")]
 
-pub(crate) mod bits;
 pub(crate) mod cuts;
+pub(crate) mod damage;
 pub(crate) mod flash;
-pub(crate) mod format;
-pub(crate) mod garbage;
+pub(crate) mod raw;
 pub(crate) mod specimens;
-pub(crate) mod wear;
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
@@ -32,12 +30,12 @@ pub(crate) fn open<S: NorFlash>(flash: S) -> Result<Store<S>, Error<S::Error>> {
     now(Store::open(flash, 0..AREA as u32))
 }
 
-/// Saves a configuration. Returns `true` if that changed the stored set.
+/// Saves a configuration.
 pub(crate) fn save<S: NorFlash>(
     store: &mut Store<S>,
     commands: &[Command],
-) -> Result<bool, Error<S::Error>> {
-    store.begin()?;
+) -> Result<(), Error<S::Error>> {
+    now(store.begin())?;
     for command in commands {
         now(store.put(command))?;
     }
@@ -79,8 +77,21 @@ pub(crate) fn saved(configurations: &[Vec<Command>]) -> Flash {
     let mut flash = Flash::new();
     let mut store = open(&mut flash).unwrap();
     for commands in configurations {
-        assert_eq!(save(&mut store, commands), Ok(true));
+        save(&mut store, commands).unwrap();
     }
     drop(store);
     flash
+}
+
+/// Returns the smallest and the largest erase count of the sectors after saves of different sets.
+pub(crate) fn wear(saves: u32, of: impl Fn(u32) -> Vec<Command>) -> (u32, u32) {
+    let mut flash = Flash::<4>::new();
+    let mut store = open(&mut flash).unwrap();
+    for number in 0..saves {
+        save(&mut store, &of(number)).unwrap();
+    }
+    assert_stored(&mut store, &of(saves - 1));
+    drop(store);
+    let wear = flash.wear.iter();
+    (*wear.clone().min().unwrap(), *wear.max().unwrap())
 }

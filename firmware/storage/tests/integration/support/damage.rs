@@ -1,14 +1,67 @@
-//! An area with garbage in some sectors.
+//! Damage of the area: inverted bits, and garbage in some sectors.
 
-use palpate_storage::Contents;
+use palpate_storage::{Contents, Error};
+use palpate_wire::Command;
 
 use super::flash::{AREA, Flash, Remnant, SECTOR, SECTORS};
-use super::specimens::{small, typical};
+use super::specimens::{fullest, small, typical};
 use super::{assert_stored, load, now, open, save, saved};
 
 /// Maximum number of flash operations that a call may take: every word of the area is read twice as the
 /// header of an item, in each of a few passes.
 pub(crate) const PATIENCE: u64 = 16 * (AREA / 4) as u64;
+
+/// Effects of inverted bits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Tally {
+    /// Number of bits that did not change the stored set.
+    pub(crate) same: u32,
+    /// Number of bits after whose inversion the stored set was reported as damaged.
+    pub(crate) damaged: u32,
+}
+
+/// Inverts bits one at a time: the stored set is unchanged, or is reported as damaged.
+pub(crate) fn turn(
+    flash: &mut Flash,
+    stored: &[Command],
+    bits: impl Iterator<Item = usize>,
+) -> Tally {
+    let mut tally = Tally::default();
+    for bit in bits {
+        let mask = 1 << (bit % 8);
+        flash.bytes[bit / 8] ^= mask;
+        let mut store = open(&mut *flash).unwrap();
+        if store.contents() == Contents::Damaged {
+            tally.damaged += 1;
+            assert_eq!(load(&mut store), Err(Error::Damaged));
+        } else {
+            tally.same += 1;
+            assert_stored(&mut store, stored);
+        }
+        drop(store);
+        flash.bytes[bit / 8] ^= mask;
+    }
+    tally
+}
+
+/// Inverts every `step`th bit of the area, after saves to both slots.
+pub(crate) fn turn_area(step: usize) -> Tally {
+    let mut sum = Tally::default();
+    for history in [[fullest(), typical()], [typical(), fullest()]] {
+        let mut flash = saved(&history);
+        let tally = turn(&mut flash, &history[1], (0..AREA * 8).step_by(step));
+        // Only bits of the stored items can damage the set: neither those of the seals nor those of the
+        // rest of the area.
+        let items: usize = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
+        assert!(
+            tally.damaged > 0 && tally.damaged < (8 * items / step) as u32,
+            "{tally:?}"
+        );
+        sum.same += tally.same;
+        sum.damaged += tally.damaged;
+    }
+    sum
+}
 
 /// Fills some sectors with one kind of garbage.
 fn spoil(flash: &mut Flash, seed: u64) {
@@ -35,15 +88,11 @@ fn spoil(flash: &mut Flash, seed: u64) {
                 _ => old,
             };
         }
-        // Adds the sector marks that the map looks for, so that it reads the data between them.
+        // Adds the sector marks that the queue looks for, so that it reads the data between them.
         if flash.random().is_multiple_of(2) {
             flash.bytes[from..from + 4].fill(0);
-            let end = if flash.random().is_multiple_of(2) {
-                0
-            } else {
-                u8::MAX
-            };
-            flash.bytes[to - 4..to].fill(end);
+            let is_closed = flash.random().is_multiple_of(2);
+            flash.bytes[to - 4..to].fill(if is_closed { 0 } else { u8::MAX });
         }
     }
 }
@@ -62,7 +111,7 @@ pub(crate) fn survives(seed: u64) {
         assert!(history.contains(&stored), "seed {seed}: {stored:?}");
     }
     drop(store);
-    // Opening changes nothing: the map does not repair by itself.
+    // Opening changes nothing: the queue does not repair by itself.
     let counts = flash.take_counts();
     assert_eq!((counts.writes, counts.erases), (0, 0), "seed {seed}");
     // After any garbage the area can be erased and used again.
@@ -70,6 +119,6 @@ pub(crate) fn survives(seed: u64) {
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();
     assert_stored(&mut store, &[]);
-    assert_eq!(save(&mut store, &typical()), Ok(true), "seed {seed}");
+    assert_eq!(save(&mut store, &typical()), Ok(()), "seed {seed}");
     assert_stored(&mut store, &typical());
 }
