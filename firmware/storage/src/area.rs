@@ -138,10 +138,11 @@ impl<S: NorFlash> Area<S> {
         &mut self,
         slot: Slot,
         generation: u32,
-        item: &[u8],
+        item: &Item,
     ) -> Result<(), Error<S::Error>> {
         let mut queue = self.queue(slot, generation)?;
-        queue.push(item, false).await.map_err(|error| match error {
+        let pushed = queue.push(&item.bytes(generation), false).await;
+        pushed.map_err(|error| match error {
             QueueError::Storage { value, .. } => Error::Flash(value),
             QueueError::FullStorage | QueueError::ItemTooBig => Error::Full,
             _ => Error::NotKept,

@@ -15,10 +15,10 @@ pub enum Error<E> {
     #[error("the range is not two slots of whole sectors within the flash; correct the memory map")]
     Range,
     /// The flash does not contain the written data: save again; if it persists, the flash is worn out.
-    #[error("the flash does not hold what was written; save again, and replace a worn-out flash")]
+    #[error("the flash reads back differently; save again, and replace a worn-out flash")]
     NotKept,
     /// The stored set differs from the saved one: set everything again and save it, or erase.
-    #[error("what is stored is not what was saved; set everything anew and save it, or erase")]
+    #[error("the stored set is damaged; set everything again and save it, or erase")]
     Damaged,
     /// A later firmware stored the set in a format that this one does not know: update the firmware, or
     /// erase.
@@ -28,7 +28,7 @@ pub enum Error<E> {
     #[error("the items do not fit; leave out what no sensor needs")]
     Full,
     /// All 2^32 - 1 generations are used: no further save is possible.
-    #[error("all generations are used up; no save is possible")]
+    #[error("all generation numbers are used up; no save is possible")]
     Exhausted,
     /// The command sets no stored value.
     #[error("the command of kind 0x{kind:02x} sets nothing to be stored")]

@@ -1,6 +1,9 @@
 //! Items: the values stored under one key each.
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::payload;
 
 /// Number of bytes before an item's payload: key, version and generation.
 const HEAD: usize = 3 + 1 + 4;
@@ -12,7 +15,7 @@ pub(crate) const MAX_ITEM: usize = 255;
 pub(crate) const MAX_PAYLOAD: usize = MAX_ITEM - HEAD;
 
 /// Identity of an item. Items are stored and read in the order of their keys.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Key {
     /// Number of the kind: 1 for settings, the others as in [`parts`](crate::parts).
     pub(crate) number: u8,
@@ -51,33 +54,23 @@ impl Item {
     /// Parses an item read from flash; also returns the generation of its save. `None` if it is too
     /// short.
     pub(crate) fn read(bytes: &[u8]) -> Option<(u32, Self)> {
-        let ([number, place, index, version], rest) = bytes.split_first_chunk()?;
-        let (generation, payload) = rest.split_first_chunk()?;
+        let ((key, version, generation), payload) = postcard::take_from_bytes(bytes).ok()?;
+        let payload = Vec::from_slice(payload).ok()?;
         let item = Self {
-            key: Key {
-                number: *number,
-                place: *place,
-                index: *index,
-            },
-            version: *version,
-            payload: Vec::from_slice(payload).ok()?,
+            key,
+            version,
+            payload,
         };
-        Some((u32::from_le_bytes(*generation), item))
+        Some((u32::from_le_bytes(generation), item))
     }
 
     /// Returns the item as it is stored in flash.
     pub(crate) fn bytes(&self, generation: u32) -> Vec<u8, MAX_ITEM> {
-        let Key {
-            number,
-            place,
-            index,
-        } = self.key;
-        let head = [number, place, index, self.version];
+        let head = (self.key, self.version, generation.to_le_bytes());
         let mut bytes = Vec::new();
-        for part in [&head, &generation.to_le_bytes(), self.payload.as_slice()] {
-            // They fit: a payload is at most `MAX_PAYLOAD` bytes, and the others are `HEAD` in total.
-            let _ = bytes.extend_from_slice(part);
-        }
+        // Both fit: a payload is at most `MAX_PAYLOAD` bytes, and the head has `HEAD`.
+        let _ = bytes.extend_from_slice(&payload::write(&head).unwrap_or_default());
+        let _ = bytes.extend_from_slice(&self.payload);
         bytes
     }
 }

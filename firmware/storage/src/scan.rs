@@ -48,7 +48,7 @@ impl Scan {
                 seal::OF_OTHER_SLOT => &mut self.seal_of_other_slot,
                 _ => &mut self.seal,
             };
-            *to = Seal::later(*to, Some(Seal::read(generation, item)));
+            *to = (*to).max(Some(Seal::read(generation, item)));
             return;
         }
         let is_first = self.last.is_none();
@@ -114,9 +114,9 @@ impl Survey {
     }
 
     fn from(first: &Scan, second: &Scan) -> Self {
-        let of_first = Seal::later(first.seal, second.seal_of_other_slot);
-        let of_second = Seal::later(second.seal, first.seal_of_other_slot);
-        let newest = Seal::later(of_first, of_second);
+        let of_first = first.seal.max(second.seal_of_other_slot);
+        let of_second = second.seal.max(first.seal_of_other_slot);
+        let newest = of_first.max(of_second);
         let (slot, scan) = if newest == of_first {
             (Slot::First, first)
         } else {

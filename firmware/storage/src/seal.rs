@@ -18,8 +18,8 @@ const WITH_CHECKSUM: u8 = 1;
 pub(crate) const OF_THIS_SLOT: u8 = 0;
 pub(crate) const OF_OTHER_SLOT: u8 = 2;
 
-/// Seal, written after the items of a save.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Seal, written after the items of a save. The later of two seals is the greater one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Seal {
     /// Generation of the save.
     pub(crate) generation: u32,
@@ -28,7 +28,7 @@ pub(crate) struct Seal {
 }
 
 /// What a save consists of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Sum {
     /// Number of items.
     pub(crate) items: u16,
@@ -74,15 +74,5 @@ impl Seal {
             _ => None,
         };
         Self { generation, sum }
-    }
-
-    /// Returns the later of two seals.
-    pub(crate) fn later(one: Option<Self>, other: Option<Self>) -> Option<Self> {
-        let generation = |seal: Option<Self>| seal.map(|seal| seal.generation);
-        if generation(other) > generation(one) {
-            other
-        } else {
-            one
-        }
     }
 }

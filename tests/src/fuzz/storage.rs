@@ -21,7 +21,7 @@ use crate::hostile::configuration;
 /// Most steps of a script; a fuzzer's would never end.
 const STEPS: usize = 64;
 /// Number of operations after which a call counts as endless: 64 for every word of the area. A save
-/// into an area filled with one byte, `filled-after-a-save` of the corpus, takes 0.45 million.
+/// into an area filled with one byte, `filled-after-a-save` of the corpus, takes less than a quarter.
 const PATIENCE: u64 = 64 * 0x1_0000 / 4;
 /// Value of `cut` that means no power cut.
 const NO_CUT: u8 = 255;

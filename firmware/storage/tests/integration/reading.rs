@@ -28,14 +28,6 @@ fn a_setting_that_is_missing_has_its_default() {
 }
 
 #[test]
-fn where_no_setting_is_stored_there_is_no_command_for_settings() {
-    let mut flash = stored(&[item([8, 0, 0], 1, &[0; 8])]);
-    let mut store = open(&mut flash).unwrap();
-    let commands = load(&mut store).unwrap();
-    assert!(matches!(commands[..], [Command::SetAttraction(_)]));
-}
-
-#[test]
 fn a_stored_value_beyond_its_limits_is_refused_and_the_rest_is_read() {
     let rate = item([1, 2, 0], 1, &1e9f32.to_le_bytes());
     let attraction = item([8, 0, 0], 1, &[0; 8]);

@@ -5,8 +5,7 @@ use palpate_wire::{Command, Message};
 
 use crate::support::flash::{AREA, Flash, SECTOR};
 use crate::support::specimens::{
-    crosstalk, deformation_curve, fullest, identity, small, springs, stiffening, stiffening_curve,
-    tank, typical,
+    crosstalk, deformation_curve, fullest, identity, small, springs, tank, typical,
 };
 use crate::support::{assert_stored, load, now, open, save, saved, whole};
 
@@ -21,31 +20,6 @@ fn what_is_saved_is_read_back_after_a_start() {
         let of_settings = 22 * usize::from(matches!(commands[0], Command::SetSettings(_)));
         assert_eq!(usize::from(set.items), commands.len() + of_settings);
         assert_eq!((set.generation, set.unknown_items), (1, 0));
-    }
-}
-
-#[test]
-fn a_difference_anywhere_is_saved() {
-    for changed in 0..typical().len() {
-        let mut flash = saved(&[typical()]);
-        let mut store = open(&mut flash).unwrap();
-        let mut commands = typical();
-        commands.remove(changed);
-        save(&mut store, &commands).unwrap();
-        assert_stored(&mut store, &commands);
-        save(&mut store, &typical()).unwrap();
-        assert_stored(&mut store, &typical());
-        assert_eq!(whole(&store).generation, 3);
-    }
-}
-
-#[test]
-fn a_law_takes_the_place_of_a_curve_and_the_other_way_round() {
-    let mut flash = Flash::<4>::new();
-    let mut store = open(&mut flash).unwrap();
-    for commands in [vec![stiffening()], stiffening_curve(20), vec![stiffening()]] {
-        save(&mut store, &commands).unwrap();
-        assert_stored(&mut store, &commands);
     }
 }
 
@@ -225,20 +199,4 @@ fn an_erasure_of_nothing_writes_nothing() {
     assert_eq!(store.contents(), Contents::Empty);
     drop(store);
     assert_eq!((flash.counts.writes, flash.counts.erases), (0, 0));
-}
-
-#[test]
-fn errors_say_what_to_do() {
-    let invalid = springs(-1.0).validate().unwrap_err();
-    let errors: [(Error<()>, &str); 6] = [
-        (Error::Flash(()), "the flash failed"),
-        (Error::Damaged, "save it, or erase"),
-        (Error::Newer, "update the firmware"),
-        (Error::OutOfOrder { kind: 0x91 }, "kind 0x91 comes too late"),
-        (Error::Invalid(invalid), "allowed are"),
-        (Error::Unreadable { number: 5 }, "kind 5 cannot be read"),
-    ];
-    for (error, words) in errors {
-        assert!(error.to_string().contains(words), "{error}");
-    }
 }

@@ -8,9 +8,7 @@ use palpate_wire::Command;
 
 use crate::support::flash::{AREA, Flash, SECTOR};
 use crate::support::raw::{self, item};
-use crate::support::specimens::{
-    coil, defaults, fullest, small, springs, stiffening_curve, tank, typical,
-};
+use crate::support::specimens::{coil, defaults, small, springs, stiffening_curve, tank, typical};
 use crate::support::{assert_stored, load, now, open, save, saved, whole};
 
 /// Sectors of a fixture, each preceded by its number; missing ones are erased.
@@ -174,10 +172,4 @@ fn a_set_in_a_later_format_is_left_alone_until_it_is_erased() {
     now(store.erase()).unwrap();
     save(&mut store, &small(6e3)).unwrap();
     assert_stored(&mut store, &small(6e3));
-}
-
-#[test]
-fn no_two_commands_have_one_key() {
-    let items = written(fullest());
-    assert!(items.is_sorted_by(|one, other| one[..3] < other[..3]));
 }

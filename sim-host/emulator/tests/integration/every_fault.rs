@@ -283,7 +283,7 @@ fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
 
 // ---- flash ----
 
-/// One bit flipped in every sixteen of a stored page: more than the code corrects.
+/// One bit flipped in every sixteen of a stored page.
 fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     bench.save(&configuration(1, Amount::Usual));

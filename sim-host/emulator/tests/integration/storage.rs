@@ -63,7 +63,7 @@ fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
 }
 
 #[test]
-fn a_flipped_bit_of_what_is_stored_is_corrected_or_found() {
+fn a_flipped_bit_of_what_is_stored_is_found_or_does_no_harm() {
     let (bench, old) = saved();
     let written = bench.written();
     let mut found = BTreeSet::new();

@@ -62,7 +62,6 @@ pub(crate) struct Counts {
     pub(crate) reads: u64,
     pub(crate) bytes_read: u64,
     pub(crate) writes: u64,
-    pub(crate) bytes_written: u64,
     pub(crate) erases: u64,
 }
 
@@ -213,7 +212,6 @@ impl<const WORD: usize> NorFlash for Flash<WORD> {
             return Err(Failure::Misaligned);
         }
         self.counts.writes += 1;
-        self.counts.bytes_written += bytes.len() as u64;
         // A write only clears bits.
         let old = &self.bytes[from..from + bytes.len()];
         let to: Vec<u8> = old.iter().zip(bytes).map(|(old, new)| old & new).collect();
