@@ -1,9 +1,6 @@
 //! Items: the values stored under one key each.
 
 use heapless::Vec;
-use serde::{Deserialize, Serialize};
-
-use crate::payload;
 
 /// Number of bytes before an item's payload: key, version and generation.
 const HEAD: usize = 3 + 1 + 4;
@@ -15,7 +12,7 @@ pub(crate) const MAX_ITEM: usize = 255;
 pub(crate) const MAX_PAYLOAD: usize = MAX_ITEM - HEAD;
 
 /// Identity of an item. Items are stored and read in the order of their keys.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
     /// Number of the kind: 1 for settings, the others as in [`parts`](crate::parts).
     pub(crate) number: u8,
@@ -54,23 +51,38 @@ impl Item {
     /// Parses an item read from flash; also returns the generation of its save. `None` if it is too
     /// short.
     pub(crate) fn read(bytes: &[u8]) -> Option<(u32, Self)> {
-        let ((key, version, generation), payload) = postcard::take_from_bytes(bytes).ok()?;
-        let payload = Vec::from_slice(payload).ok()?;
+        let ([number, place, index, version], rest) = bytes.split_first_chunk()?;
+        let (generation, payload) = rest.split_first_chunk()?;
         let item = Self {
-            key,
-            version,
-            payload,
+            key: Key {
+                number: *number,
+                place: *place,
+                index: *index,
+            },
+            version: *version,
+            payload: Vec::from_slice(payload).ok()?,
         };
-        Some((u32::from_le_bytes(generation), item))
+        Some((u32::from_le_bytes(*generation), item))
     }
 
     /// Returns the item as it is stored in flash.
     pub(crate) fn bytes(&self, generation: u32) -> Vec<u8, MAX_ITEM> {
-        let head = (self.key, self.version, generation.to_le_bytes());
-        let mut bytes = Vec::new();
-        // Both fit: a payload is at most `MAX_PAYLOAD` bytes, and the head has `HEAD`.
-        let _ = bytes.extend_from_slice(&payload::write(&head).unwrap_or_default());
-        let _ = bytes.extend_from_slice(&self.payload);
-        bytes
+        let Key {
+            number,
+            place,
+            index,
+        } = self.key;
+        let head = [number, place, index, self.version];
+        joined([&head, &generation.to_le_bytes(), &self.payload])
     }
+}
+
+/// Joins parts that fit: a payload is at most [`MAX_PAYLOAD`] bytes, and the others are [`HEAD`] in total.
+pub(crate) fn joined<const N: usize>(parts: [&[u8]; 3]) -> Vec<u8, N> {
+    let mut all = Vec::new();
+    for part in parts {
+        // Not `collect`, which would panic if the parts did not fit.
+        let _ = all.extend_from_slice(part);
+    }
+    all
 }

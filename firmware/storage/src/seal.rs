@@ -1,9 +1,6 @@
 //! Seals: proof that a save is complete.
 
-use serde::{Deserialize, Serialize};
-
-use crate::item::{Item, Key};
-use crate::payload;
+use crate::item::{Item, Key, joined};
 
 /// Kind number of a seal; all other items have at most 240.
 pub(crate) const NUMBER: u8 = 255;
@@ -28,7 +25,7 @@ pub(crate) struct Seal {
 }
 
 /// What a save consists of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Sum {
     /// Number of items.
     pub(crate) items: u16,
@@ -49,18 +46,26 @@ impl Sum {
         Item {
             key,
             version: VERSION,
-            // It always fits.
-            payload: payload::write(self).unwrap_or_default(),
+            payload: joined([
+                &self.items.to_le_bytes(),
+                &self.configuration_crc.to_le_bytes(),
+                &self.erased.to_le_bytes(),
+            ]),
         }
     }
 
-    fn with_checksum(payload: &[u8]) -> Option<Self> {
-        let (items, _checksum, configuration_crc, erased): (_, [u8; 4], _, _) =
-            payload::read(payload)?;
+    fn read(item: &Item) -> Option<Self> {
+        let (items, rest) = item.payload.split_first_chunk()?;
+        let rest = match item.version {
+            VERSION => rest,
+            WITH_CHECKSUM => rest.get(4..)?,
+            _ => return None,
+        };
+        let (configuration_crc, erased) = rest.split_first_chunk()?;
         Some(Self {
-            items: u16::from_le_bytes(items),
-            configuration_crc: u32::from_le_bytes(configuration_crc),
-            erased: u32::from_le_bytes(erased),
+            items: u16::from_le_bytes(*items),
+            configuration_crc: u32::from_le_bytes(*configuration_crc),
+            erased: u32::from_le_bytes(erased.try_into().ok()?),
         })
     }
 }
@@ -68,11 +73,7 @@ impl Sum {
 impl Seal {
     /// Parses the seal in an item.
     pub(crate) fn read(generation: u32, item: &Item) -> Self {
-        let sum = match item.version {
-            VERSION => payload::read(&item.payload),
-            WITH_CHECKSUM => Sum::with_checksum(&item.payload),
-            _ => None,
-        };
+        let sum = Sum::read(item);
         Self { generation, sum }
     }
 }

@@ -39,9 +39,7 @@ pub(crate) fn item(key: [u8; 3], version: u8, payload: &[u8]) -> Vec<u8> {
 /// Writes items into the first slot, as the first save, with a seal that claims a number of items.
 pub(crate) fn store(flash: &mut Flash, items: &[Vec<u8>], seal_version: u8, count: usize) {
     push(flash, 0, items);
-    push(
-        flash,
-        0,
-        &[item([255, 0, 0], seal_version, &[count as u8, 0, 0])],
-    );
+    let mut seal = [0; 10];
+    seal[0] = count as u8;
+    push(flash, 0, &[item([255, 0, 0], seal_version, &seal)]);
 }
