@@ -53,7 +53,6 @@ proptest! {
                     model = new;
                 }
                 Step::SaveCut(bits, after, remnant) => {
-                    drop(store);
                     let new = chosen(bits);
                     flash.cut_after(after, Remnant::EVERY[remnant]);
                     let saved = open(&mut flash).and_then(|mut store| save(&mut store, &new));

@@ -71,7 +71,6 @@ fn nothing_is_read_during_a_save_and_an_abandoned_one_leaves_what_was_stored() {
     now(store.put(&tank(0, 0))).unwrap();
     store.abandon();
     assert_stored(&mut store, &small(6e3));
-    drop(store);
     let mut store = open(&mut flash).unwrap();
     assert_stored(&mut store, &small(6e3));
     save(&mut store, &small(5e3)).unwrap();
@@ -104,7 +103,6 @@ fn more_than_a_slot_holds_is_refused_and_what_was_stored_stays() {
     save(&mut store, &typical()).unwrap();
     assert_eq!(save(&mut store, &fullest()), Err(Error::Full));
     assert_stored(&mut store, &typical());
-    drop(store);
     // Only the sector with the copy of the seal was erased, and none to make space.
     assert_eq!(flash.counts.erases, 1);
     let mut store = now(Store::open(&mut flash, range)).unwrap();
@@ -147,7 +145,6 @@ fn nothing_beside_the_range_is_touched() {
     }
     let mut store = now(Store::open(&mut flash, range)).unwrap();
     now(store.erase()).unwrap();
-    drop(store);
     flash.bytes.drain(inside);
     assert!(flash.bytes.iter().all(|byte| *byte == 0x5A));
 }
@@ -160,7 +157,6 @@ fn a_worn_out_sector_is_found_and_what_was_stored_stays() {
     let mut store = open(&mut flash).unwrap();
     assert_eq!(save(&mut store, &small(5e3)), Err(Error::NotKept));
     assert_stored(&mut store, &small(6e3));
-    drop(store);
     flash.worn = 0..0;
     let mut store = open(&mut flash).unwrap();
     save(&mut store, &small(5e3)).unwrap();
@@ -174,7 +170,6 @@ fn after_an_erasure_nothing_is_stored_and_saves_count_from_1() {
     now(store.begin()).unwrap();
     now(store.erase()).unwrap();
     assert_eq!(now(store.commit()), Err(Error::NotBegun));
-    drop(store);
     // The seal of an empty set and the mark of its sector, which another erasure leaves.
     let used = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
     assert!(used < 80, "{used}");
@@ -182,7 +177,6 @@ fn after_an_erasure_nothing_is_stored_and_saves_count_from_1() {
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();
     assert_stored(&mut store, &[]);
-    drop(store);
     assert_eq!((flash.counts.writes, flash.counts.erases), (0, 0));
     for generation in 1..3 {
         let mut store = open(&mut flash).unwrap();
@@ -197,6 +191,5 @@ fn an_erasure_of_nothing_writes_nothing() {
     let mut store = open(&mut flash).unwrap();
     now(store.erase()).unwrap();
     assert_eq!(store.contents(), Contents::Empty);
-    drop(store);
     assert_eq!((flash.counts.writes, flash.counts.erases), (0, 0));
 }

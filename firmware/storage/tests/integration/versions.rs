@@ -108,14 +108,12 @@ fn what_the_next_version_stored_is_read_as_far_as_it_is_known_and_kept_for_it() 
     assert_eq!(usize::from(set.unknown_items), unknown().len());
     assert_eq!(set.items - set.unknown_items, 22 + 3);
     assert_eq!(load(&mut store).unwrap(), known());
-    drop(store);
     let saves = [vec![tank(0, 1)], vec![coil()], vec![tank(1, 3)], vec![]];
     for (commands, slot) in saves.into_iter().zip([1, 0].into_iter().cycle()) {
         let mut store = open(&mut flash).unwrap();
         save(&mut store, &commands).unwrap();
         assert_eq!(load(&mut store).unwrap(), commands);
         assert_eq!(usize::from(whole(&store).unknown_items), unknown().len());
-        drop(store);
         assert_eq!(kept(&mut flash, slot), unknown());
     }
 }
@@ -127,7 +125,6 @@ fn a_part_that_is_set_takes_the_place_of_its_unknown_version() {
     let mut store = open(&mut flash).unwrap();
     save(&mut store, &[springs(3e3)]).unwrap();
     assert_stored(&mut store, &[springs(3e3)]);
-    drop(store);
     let kept = kept(&mut flash, 1);
     assert_eq!(kept.len(), unknown().len() - 1);
     assert!(kept.iter().all(|item| item[0] != 5));

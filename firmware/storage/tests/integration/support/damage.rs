@@ -38,7 +38,6 @@ pub(crate) fn turn(
             tally.same += 1;
             assert_stored(&mut store, stored);
         }
-        drop(store);
         flash.bytes[bit / 8] ^= mask;
     }
     tally
@@ -110,7 +109,6 @@ pub(crate) fn survives(seed: u64) {
         let stored = stored.unwrap();
         assert!(history.contains(&stored), "seed {seed}: {stored:?}");
     }
-    drop(store);
     // Opening changes nothing: the queue does not repair by itself.
     let counts = flash.take_counts();
     assert_eq!((counts.writes, counts.erases), (0, 0), "seed {seed}");

@@ -79,7 +79,6 @@ pub(crate) fn saved(configurations: &[Vec<Command>]) -> Flash {
     for commands in configurations {
         save(&mut store, commands).unwrap();
     }
-    drop(store);
     flash
 }
 
@@ -91,7 +90,6 @@ pub(crate) fn wear(saves: u32, of: impl Fn(u32) -> Vec<Command>) -> (u32, u32) {
         save(&mut store, &of(number)).unwrap();
     }
     assert_stored(&mut store, &of(saves - 1));
-    drop(store);
     let wear = flash.wear.iter();
     (*wear.clone().min().unwrap(), *wear.max().unwrap())
 }
