@@ -99,11 +99,11 @@ impl Scenario {
     }
 
     fn read(file: &str, text: &str, folder: &Path) -> Result<Self, LoadError> {
-        let mut document = TableSection::parse(file, text, &KEYS)?;
+        let document = TableSection::parse(file, text, &KEYS)?;
         let name = document.parsed("stack", &names(), checked_name)?;
-        let switches = switches(&mut document)?;
-        let mut presses = document.sections("press", &PRESS_KEYS)?;
-        let presses = presses.iter_mut().map(press).collect::<Result<_, _>>()?;
+        let switches = switches(&document)?;
+        let presses = document.sections("press", &PRESS_KEYS)?;
+        let presses = presses.iter().map(press).collect::<Result<_, _>>()?;
         Ok(Self {
             stack: Stack::named(&name, folder)?,
             switches,
@@ -112,96 +112,63 @@ impl Scenario {
     }
 }
 
-fn switches(document: &mut TableSection<'_>) -> Result<Switches, FileError> {
-    let all = document.parsed("disturbances", "\"all\" or \"none\"", |text| match text {
-        "all" => Ok(true),
-        "none" => Ok(false),
-        other => Err(format!("is {other:?}")),
-    })?;
+fn switches(document: &TableSection<'_>) -> Result<Switches, FileError> {
+    let all = document.choice("disturbances", &[("all", true), ("none", false)])?;
     let mut switches = if all {
         Switches::all()
     } else {
         Switches::none()
     };
-    if !document.has("except") {
-        return Ok(switches);
-    }
     let allowed = format!("names of disturbances: {}", Switches::NAMES.join(", "));
-    let except = document.texts("except", &allowed, |text| match switches.get(text) {
+    let known = |text: &str| match switches.get(text) {
         Some(_) => Ok(text.to_owned()),
         None => Err(format!("there is no disturbance {text:?}")),
-    })?;
-    for name in except {
+    };
+    let except = document.if_given("except", |key| document.texts(key, &allowed, known))?;
+    for name in except.unwrap_or_default() {
         switches = switches.with(&name, !all);
     }
     Ok(switches)
 }
 
-fn press(section: &mut TableSection<'_>) -> Result<Press, FileError> {
+fn press(section: &TableSection<'_>) -> Result<Press, FileError> {
     let load = load(section)?;
-    let optional = |section: &mut TableSection<'_>, key, allowed| {
-        let given = section.has(key);
-        given
-            .then(|| section.number_within(key, allowed))
-            .transpose()
-    };
-    let depth_m = optional(section, "depth_m", &DEPTH)?;
-    let speed_m_per_s = optional(section, "speed_m_per_s", &SPEED)?;
-    let holder = if section.has("holder") {
-        section.parsed("holder", "\"stand\" or \"hand\"", |text| match text {
-            "stand" => Ok(Holder::Stand),
-            "hand" => Ok(Holder::Hand),
-            other => Err(format!("is {other:?}")),
-        })?
-    } else {
-        Holder::Stand
-    };
-    let name = if section.has("name") {
-        section.text("name")?
-    } else {
-        describe(&load)
-    };
+    let holders = [("stand", Holder::Stand), ("hand", Holder::Hand)];
+    let holder = section.if_given("holder", |key| section.choice(key, &holders))?;
+    let number = |key, allowed| section.if_given(key, |key| section.number_within(key, allowed));
     Ok(Press {
-        name,
+        depth_m: number("depth_m", &DEPTH)?,
+        speed_m_per_s: number("speed_m_per_s", &SPEED)?,
+        holder: holder.unwrap_or(Holder::Stand),
+        name: section
+            .if_given("name", |key| section.text(key))?
+            .unwrap_or_else(|| describe(&load)),
         load,
-        holder,
-        depth_m,
-        speed_m_per_s,
     })
 }
 
-fn load(section: &mut TableSection<'_>) -> Result<Load, FileError> {
-    let kinds = "\"spring\", \"hardening\" or \"rigid\"";
-    let kind = section.parsed("load", kinds, |text| match text {
-        "spring" | "hardening" | "rigid" => Ok(text.to_owned()),
-        other => Err(format!("is {other:?}")),
-    })?;
-    let (needs_stiffness, needs_cubic) = match kind.as_str() {
-        "spring" => (true, false),
-        "hardening" => (true, true),
-        _ => (false, false),
-    };
-    let mut number = |key, allowed, needed| {
-        if needed {
-            section.number_within(key, allowed)
-        } else if section.has(key) {
-            section.parsed(key, &format!("nothing, with load = {kind:?}"), |_| {
-                Err("is a text".to_owned())
-            })
-        } else {
-            Ok(0.0)
+fn load(section: &TableSection<'_>) -> Result<Load, FileError> {
+    let kinds = ["spring", "hardening", "rigid"];
+    let kind = section.choice("load", &kinds.map(|kind| (kind, kind)))?;
+    let stiffness = |key| section.number_within(key, &STIFFNESS);
+    let (load, others) = match kind {
+        "spring" => {
+            let n_per_m = stiffness("stiffness_N_per_m")?;
+            (Load::Spring { n_per_m }, &["cubic_N_per_m3"][..])
         }
+        "hardening" => {
+            let load = Load::Hardening {
+                n_per_m: stiffness("stiffness_N_per_m")?,
+                cubic_n_per_m3: section.number_within("cubic_N_per_m3", &CUBIC)?,
+            };
+            (load, &[][..])
+        }
+        _ => (Load::Rigid, &["stiffness_N_per_m", "cubic_N_per_m3"][..]),
     };
-    let n_per_m = number("stiffness_N_per_m", &STIFFNESS, needs_stiffness)?;
-    let cubic_n_per_m3 = number("cubic_N_per_m3", &CUBIC, needs_cubic)?;
-    Ok(match (needs_stiffness, needs_cubic) {
-        (true, false) => Load::Spring { n_per_m },
-        (true, true) => Load::Hardening {
-            n_per_m,
-            cubic_n_per_m3,
-        },
-        _ => Load::Rigid,
-    })
+    for key in others {
+        section.refuse(key, &format!("nothing, with load = {kind:?}"))?;
+    }
+    Ok(load)
 }
 
 fn describe(load: &Load) -> String {

@@ -135,7 +135,8 @@ fn assemble(stack: &Stack, d: &Disturbances, pick: Pick<'_>) -> Parameters {
 
 /// Creep modes of a layer; every mode draws its own amplitude and time constant.
 fn creep(d: &Disturbances, layer: &str, pick: Pick<'_>) -> [CreepMode; MODES] {
-    let [fast, mid, slow] = &d.creep.tau_s;
+    let creep = &d.creep;
+    let (fast, mid, slow) = (&creep.tau_fast_s, &creep.tau_mid_s, &creep.tau_slow_s);
     [(fast, "fast"), (mid, "mid"), (slow, "slow")].map(|(tau_s, mode)| CreepMode {
         amplitude: pick(
             &d.creep.amplitude,

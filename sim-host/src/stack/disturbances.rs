@@ -1,10 +1,8 @@
 //! The file of disturbances, which act on every stack at once.
 
-use std::path::Path;
-
 use super::document::{FileError, TableSection};
+use super::key::table;
 use super::quantity::{Allowed, Quantity};
-use super::{LoadError, read};
 use crate::sensing_coil::{CoilDesign, Sides};
 
 /// Ranges of all disturbances, by section of the file.
@@ -34,106 +32,100 @@ pub struct Disturbances {
     pub load_ratios_to_sensing_spring: Vec<f64>,
 }
 
-/// `[creep]`: each spring of the sensor has three modes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CreepRanges {
-    /// Long-term displacement of a mode, as a share of the spring's instant displacement, 0 to 1.
-    pub amplitude: Quantity,
-    /// Time constants of the fast, the middle and the slow mode, s, 1 ms to 10⁶.
-    pub tau_s: [Quantity; 3],
+table! {
+    /// `[creep]`: each spring of the sensor has three modes.
+    CreepRanges {
+        amplitude = "amplitude", 0.0 to 1.0 "",
+            "Long-term displacement of a mode, as a share of the spring's instant displacement";
+        tau_fast_s = "tau_fast_s", 1e-3 to 1e6 "s", "Time constant of the fast mode";
+        tau_mid_s = "tau_mid_s", 1e-3 to 1e6 "s", "Time constant of the middle mode";
+        tau_slow_s = "tau_slow_s", 1e-3 to 1e6 "s", "Time constant of the slow mode";
+    }
 }
 
-/// `[magnetorheological]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MagnetorheologicalRanges {
-    /// Share of the stiffening that goes through a play operator, 0 to 0.9.
-    pub memory: Quantity,
-    /// Time constant of the stiffening, s, 0 to 1.
-    pub lag_s: Quantity,
-    /// Relative change of the stiffening with temperature, 1/K, ±0.05.
-    pub stiffening_per_kelvin: Quantity,
-    /// Relative change of the springs with temperature, 1/K, ±0.05.
-    pub spring_per_kelvin: Quantity,
+table! {
+    /// `[magnetorheological]`.
+    MagnetorheologicalRanges {
+        memory = "memory", 0.0 to 0.9 "", "Share of the stiffening that goes through a play operator";
+        lag_s = "lag_s", 0.0 to 1.0 "s", "Time constant of the stiffening";
+        stiffening_per_kelvin = "dlnstiffening_dT_per_K", -0.05 to 0.05 "1/K",
+            "Relative change of the stiffening with temperature";
+        spring_per_kelvin = "dlnspring_dT_per_K", -0.05 to 0.05 "1/K",
+            "Relative change of the springs with temperature";
+    }
 }
 
-/// `[thermal]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ThermalRanges {
-    /// Ambient temperature less that at calibration, K, ±50.
-    pub temperature_change_since_calibration_k: Quantity,
-    /// Growth of the sensor per kelvin, m/K, 0 to 10⁻⁴.
-    pub growth_m_per_k: Quantity,
-    /// Heat capacity of the copper, J/K, 10⁻³ to 10⁵.
-    pub copper_heat_capacity_j_per_k: Quantity,
-    /// Heat capacity of the pad, J/K, 10⁻³ to 10⁵.
-    pub pad_heat_capacity_j_per_k: Quantity,
-    /// Thermal resistance from copper to pad, K/W, 10⁻³ to 10⁴.
-    pub copper_to_pad_k_per_w: Quantity,
-    /// Thermal resistance from pad to ambient, K/W, 10⁻³ to 10⁴.
-    pub pad_to_ambient_k_per_w: Quantity,
+table! {
+    /// `[thermal]`.
+    ThermalRanges {
+        temperature_change_since_calibration_k = "temperature_change_since_calibration_K",
+            -50.0 to 50.0 "K", "Ambient temperature less that at calibration";
+        growth_m_per_k = "growth_m_per_K", 0.0 to 1e-4 "m/K", "Growth of the sensor per kelvin";
+        copper_heat_capacity_j_per_k = "copper_heat_capacity_J_per_K", 1e-3 to 1e5 "J/K",
+            "Heat capacity of the copper";
+        pad_heat_capacity_j_per_k = "pad_heat_capacity_J_per_K", 1e-3 to 1e5 "J/K",
+            "Heat capacity of the pad";
+        copper_to_pad_k_per_w = "copper_to_pad_K_per_W", 1e-3 to 1e4 "K/W",
+            "Thermal resistance from copper to pad";
+        pad_to_ambient_k_per_w = "pad_to_ambient_K_per_W", 1e-3 to 1e4 "K/W",
+            "Thermal resistance from pad to ambient";
+    }
 }
 
-/// `[tank]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TankRanges {
-    /// The sensing coil.
-    pub coil: CoilDesign,
-    /// Capacitance, F, 1 pF to 1 µF.
-    pub capacitance_f: Quantity,
-    /// Temperature coefficient of the capacitance, 1/K, ±10⁻³.
-    pub capacitance_tempco_per_k: Quantity,
+table! {
+    /// `[tank]`.
+    TankRanges {
+        /// The sensing coil.
+        coil: CoilDesign = "coil", coil;
+        capacitance_f = "capacitance_F", 1e-12 to 1e-6 "F", "Capacitance";
+        capacitance_tempco_per_k = "capacitance_tempco_per_K", -1e-3 to 1e-3 "1/K",
+            "Temperature coefficient of the capacitance";
+    }
 }
 
-/// `[ldc]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LdcRanges {
-    /// Relative error of the reference clock, ±0.01.
-    pub reference_clock_error: Quantity,
-    /// White noise of the frequency in a conversion of 1 ms, relative, 0 to 10⁻³.
-    pub white_noise_relative: Quantity,
+table! {
+    /// `[ldc]`.
+    LdcRanges {
+        reference_clock_error = "reference_clock_error", -0.01 to 0.01 "",
+            "Relative error of the reference clock";
+        white_noise_relative = "white_noise_relative", 0.0 to 1e-3 "",
+            "White noise of the frequency in a conversion of 1 ms, relative";
+    }
 }
 
-/// `[current_chain]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CurrentChainRanges {
-    /// Relative error of the measured current, ±0.5.
-    pub gain_error: Quantity,
-    /// Integral non-linearity of the ADC, LSB, 0 to 200.
-    pub inl_lsb: Quantity,
-    /// Noise of the ADC, LSB rms, 0 to 200.
-    pub noise_lsb_rms: Quantity,
-    /// Supply of the coil, V, 0.5 to 100.
-    pub supply_v: Quantity,
-    /// Resistance of the supply, ohm, 0 to 10.
-    pub supply_resistance_ohm: Quantity,
+table! {
+    /// `[current_chain]`.
+    CurrentChainRanges {
+        gain_error = "gain_error", -0.5 to 0.5 "", "Relative error of the measured current";
+        inl_lsb = "inl_lsb", 0.0 to 200.0 "LSB", "Integral non-linearity of the ADC";
+        noise_lsb_rms = "noise_lsb_rms", 0.0 to 200.0 "LSB", "Noise of the ADC, rms";
+        supply_v = "supply_V", 0.5 to 100.0 "V", "Supply of the coil";
+        supply_resistance_ohm = "supply_resistance_ohm", 0.0 to 10.0 "ohm", "Resistance of the supply";
+    }
 }
 
-/// `[press]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PressRanges {
-    /// Amplitude of a stand's vibration, m, 0 to 10⁻³.
-    pub vibration_amplitude_m: Quantity,
-    /// Frequency of the vibration, Hz, 0.1 to 200.
-    pub vibration_hz: Quantity,
-    /// Amplitude of a hand's tremor, m, 0 to 10⁻³.
-    pub hand_tremor_amplitude_m: Quantity,
-    /// Frequency of the tremor, Hz, 0.1 to 100.
-    pub hand_tremor_hz: Quantity,
+table! {
+    /// `[press]`.
+    PressRanges {
+        vibration_amplitude_m = "vibration_amplitude_m", 0.0 to 1e-3 "m",
+            "Amplitude of a stand's vibration";
+        vibration_hz = "vibration_hz", 0.1 to 200.0 "Hz", "Frequency of the vibration";
+        hand_tremor_amplitude_m = "hand_tremor_amplitude_m", 0.0 to 1e-3 "m",
+            "Amplitude of a hand's tremor";
+        hand_tremor_hz = "hand_tremor_hz", 0.1 to 100.0 "Hz", "Frequency of the tremor";
+    }
 }
 
-/// `[calibration_rig]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RigRanges {
-    /// Spring constant of the rig's frame, N/m, 10³ to 10⁹.
-    pub frame_spring_n_per_m: Quantity,
-    /// Noise of the load cell, N rms, 0 to 1.
-    pub load_cell_noise_n: Quantity,
-    /// Relative error of the load cell, ±0.1.
-    pub load_cell_gain_error: Quantity,
-    /// Error of the stage's scale, m, 0 to 10⁻³.
-    pub stage_error_m: Quantity,
-    /// Relative tolerance of the rig's springs, 0 to 0.5.
-    pub spring_tolerance: Quantity,
+table! {
+    /// `[calibration_rig]`.
+    RigRanges {
+        frame_spring_n_per_m = "frame_spring_N_per_m", 1e3 to 1e9 "N/m",
+            "Spring constant of the rig's frame";
+        load_cell_noise_n = "load_cell_noise_N", 0.0 to 1.0 "N", "Noise of the load cell, rms";
+        load_cell_gain_error = "load_cell_gain_error", -0.1 to 0.1 "", "Relative error of the load cell";
+        stage_error_m = "stage_error_m", 0.0 to 1e-3 "m", "Error of the stage's scale";
+        spring_tolerance = "spring_tolerance", 0.0 to 0.5 "", "Relative tolerance of the rig's springs";
+    }
 }
 
 /// Form of `[tank] coil`.
@@ -155,9 +147,6 @@ const SECTIONS: [&str; 11] = [
     "load",
 ];
 
-/// Only key of `[load]`.
-const RATIOS: &str = "ratio_to_sensing_spring";
-
 impl Disturbances {
     /// The disturbances file in this crate.
     ///
@@ -170,213 +159,45 @@ impl Disturbances {
         )
     }
 
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// [`LoadError`] if it cannot be read or is refused.
-    pub fn load(path: &Path) -> Result<Self, LoadError> {
-        let text = read(path)?;
-        Ok(Self::parse(&path.display().to_string(), &text)?)
-    }
-
     /// Parses a text; `file` appears only in messages.
     ///
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let mut s = TableSection::parse(file, text, &SECTIONS)?;
+        let file = TableSection::parse(file, text, &SECTIONS)?;
+        let alone = |section, key, allowed| file.section(section, &[key])?.quantity(key, &allowed);
         Ok(Self {
             crosstalk_relative_slope_per_press_depth: alone(
-                &mut s,
                 "crosstalk",
                 "relative_slope_per_press_depth",
-                &Allowed::new(-0.9, 0.9, ""),
+                Allowed::new(-0.9, 0.9, ""),
             )?,
             attraction_relative_gradient_per_m: alone(
-                &mut s,
                 "attraction",
                 "relative_gradient_per_m",
-                &Allowed::new(0.0, 1e4, "1/m"),
+                Allowed::new(0.0, 1e4, "1/m"),
             )?,
-            creep: section(&mut s, "creep", &CREEP_KEYS, creep)?,
-            magnetorheological: section(
-                &mut s,
-                "magnetorheological",
-                &MAGNETORHEOLOGICAL_KEYS,
-                magnetorheological,
-            )?,
-            thermal: section(&mut s, "thermal", &THERMAL_KEYS, thermal)?,
-            tank: section(&mut s, "tank", &TANK_KEYS, tank)?,
-            ldc: section(&mut s, "ldc", &LDC_KEYS, ldc)?,
-            current_chain: section(&mut s, "current_chain", &CURRENT_CHAIN_KEYS, current_chain)?,
-            press: section(&mut s, "press", &PRESS_KEYS, press)?,
-            calibration_rig: section(
-                &mut s,
-                "calibration_rig",
-                &CALIBRATION_RIG_KEYS,
-                calibration_rig,
-            )?,
-            load_ratios_to_sensing_spring: section(&mut s, "load", &[RATIOS], |load| {
-                load.numbers(RATIOS, &Allowed::new(1e-3, 1e3, ""))
-            })?,
+            creep: file.table("creep")?,
+            magnetorheological: file.table("magnetorheological")?,
+            thermal: file.table("thermal")?,
+            tank: file.table("tank")?,
+            ldc: file.table("ldc")?,
+            current_chain: file.table("current_chain")?,
+            press: file.table("press")?,
+            calibration_rig: file.table("calibration_rig")?,
+            load_ratios_to_sensing_spring: file
+                .section("load", &["ratio_to_sensing_spring"])?
+                .numbers("ratio_to_sensing_spring", &Allowed::new(1e-3, 1e3, ""))?,
         })
     }
 }
 
-fn section<'t, T>(
-    parent: &mut TableSection<'t>,
-    name: &str,
-    keys: &[&str],
-    read: impl FnOnce(&mut TableSection<'t>) -> Result<T, FileError>,
-) -> Result<T, FileError> {
-    read(&mut parent.section(name, keys)?)
-}
-
-/// Reads the only quantity of a section.
-fn alone(
-    parent: &mut TableSection<'_>,
-    name: &str,
-    key: &str,
-    allowed: &Allowed,
-) -> Result<Quantity, FileError> {
-    section(parent, name, &[key], |s| s.quantity(key, allowed))
-}
-
-const CREEP_KEYS: [&str; 4] = ["amplitude", "tau_fast_s", "tau_mid_s", "tau_slow_s"];
-
-fn creep(s: &mut TableSection<'_>) -> Result<CreepRanges, FileError> {
-    let tau = Allowed::new(1e-3, 1e6, "s");
-    Ok(CreepRanges {
-        amplitude: s.quantity("amplitude", &Allowed::new(0.0, 1.0, ""))?,
-        tau_s: [
-            s.quantity("tau_fast_s", &tau)?,
-            s.quantity("tau_mid_s", &tau)?,
-            s.quantity("tau_slow_s", &tau)?,
-        ],
-    })
-}
-
-const MAGNETORHEOLOGICAL_KEYS: [&str; 4] = [
-    "memory",
-    "lag_s",
-    "dlnstiffening_dT_per_K",
-    "dlnspring_dT_per_K",
-];
-
-fn magnetorheological(s: &mut TableSection<'_>) -> Result<MagnetorheologicalRanges, FileError> {
-    let per_kelvin = Allowed::new(-0.05, 0.05, "1/K");
-    Ok(MagnetorheologicalRanges {
-        memory: s.quantity("memory", &Allowed::new(0.0, 0.9, ""))?,
-        lag_s: s.quantity("lag_s", &Allowed::new(0.0, 1.0, "s"))?,
-        stiffening_per_kelvin: s.quantity("dlnstiffening_dT_per_K", &per_kelvin)?,
-        spring_per_kelvin: s.quantity("dlnspring_dT_per_K", &per_kelvin)?,
-    })
-}
-
-const THERMAL_KEYS: [&str; 6] = [
-    "temperature_change_since_calibration_K",
-    "growth_m_per_K",
-    "copper_heat_capacity_J_per_K",
-    "pad_heat_capacity_J_per_K",
-    "copper_to_pad_K_per_W",
-    "pad_to_ambient_K_per_W",
-];
-
-fn thermal(s: &mut TableSection<'_>) -> Result<ThermalRanges, FileError> {
-    let capacity = Allowed::new(1e-3, 1e5, "J/K");
-    let resistance = Allowed::new(1e-3, 1e4, "K/W");
-    Ok(ThermalRanges {
-        temperature_change_since_calibration_k: s.quantity(
-            "temperature_change_since_calibration_K",
-            &Allowed::new(-50.0, 50.0, "K"),
-        )?,
-        growth_m_per_k: s.quantity("growth_m_per_K", &Allowed::new(0.0, 1e-4, "m/K"))?,
-        copper_heat_capacity_j_per_k: s.quantity("copper_heat_capacity_J_per_K", &capacity)?,
-        pad_heat_capacity_j_per_k: s.quantity("pad_heat_capacity_J_per_K", &capacity)?,
-        copper_to_pad_k_per_w: s.quantity("copper_to_pad_K_per_W", &resistance)?,
-        pad_to_ambient_k_per_w: s.quantity("pad_to_ambient_K_per_W", &resistance)?,
-    })
-}
-
-const TANK_KEYS: [&str; 3] = ["coil", "capacitance_F", "capacitance_tempco_per_K"];
-
-fn tank(s: &mut TableSection<'_>) -> Result<TankRanges, FileError> {
-    Ok(TankRanges {
-        coil: s.parsed("coil", COIL_FORM, coil)?,
-        capacitance_f: s.quantity("capacitance_F", &Allowed::new(1e-12, 1e-6, "F"))?,
-        capacitance_tempco_per_k: s.quantity(
-            "capacitance_tempco_per_K",
-            &Allowed::new(-1e-3, 1e-3, "1/K"),
-        )?,
-    })
-}
-
-const LDC_KEYS: [&str; 2] = ["reference_clock_error", "white_noise_relative"];
-
-fn ldc(s: &mut TableSection<'_>) -> Result<LdcRanges, FileError> {
-    Ok(LdcRanges {
-        reference_clock_error: s
-            .quantity("reference_clock_error", &Allowed::new(-0.01, 0.01, ""))?,
-        white_noise_relative: s.quantity("white_noise_relative", &Allowed::new(0.0, 1e-3, ""))?,
-    })
-}
-
-const CURRENT_CHAIN_KEYS: [&str; 5] = [
-    "gain_error",
-    "inl_lsb",
-    "noise_lsb_rms",
-    "supply_V",
-    "supply_resistance_ohm",
-];
-
-fn current_chain(s: &mut TableSection<'_>) -> Result<CurrentChainRanges, FileError> {
-    Ok(CurrentChainRanges {
-        gain_error: s.quantity("gain_error", &Allowed::new(-0.5, 0.5, ""))?,
-        inl_lsb: s.quantity("inl_lsb", &Allowed::new(0.0, 200.0, "LSB"))?,
-        noise_lsb_rms: s.quantity("noise_lsb_rms", &Allowed::new(0.0, 200.0, "LSB"))?,
-        supply_v: s.quantity("supply_V", &Allowed::new(0.5, 100.0, "V"))?,
-        supply_resistance_ohm: s
-            .quantity("supply_resistance_ohm", &Allowed::new(0.0, 10.0, "ohm"))?,
-    })
-}
-
-const PRESS_KEYS: [&str; 4] = [
-    "vibration_amplitude_m",
-    "vibration_hz",
-    "hand_tremor_amplitude_m",
-    "hand_tremor_hz",
-];
-
-fn press(s: &mut TableSection<'_>) -> Result<PressRanges, FileError> {
-    let amplitude = Allowed::new(0.0, 1e-3, "m");
-    Ok(PressRanges {
-        vibration_amplitude_m: s.quantity("vibration_amplitude_m", &amplitude)?,
-        vibration_hz: s.quantity("vibration_hz", &Allowed::new(0.1, 200.0, "Hz"))?,
-        hand_tremor_amplitude_m: s.quantity("hand_tremor_amplitude_m", &amplitude)?,
-        hand_tremor_hz: s.quantity("hand_tremor_hz", &Allowed::new(0.1, 100.0, "Hz"))?,
-    })
-}
-
-const CALIBRATION_RIG_KEYS: [&str; 5] = [
-    "frame_spring_N_per_m",
-    "load_cell_noise_N",
-    "load_cell_gain_error",
-    "stage_error_m",
-    "spring_tolerance",
-];
-
-fn calibration_rig(s: &mut TableSection<'_>) -> Result<RigRanges, FileError> {
-    Ok(RigRanges {
-        frame_spring_n_per_m: s.quantity("frame_spring_N_per_m", &Allowed::new(1e3, 1e9, "N/m"))?,
-        load_cell_noise_n: s.quantity("load_cell_noise_N", &Allowed::new(0.0, 1.0, "N"))?,
-        load_cell_gain_error: s.quantity("load_cell_gain_error", &Allowed::new(-0.1, 0.1, ""))?,
-        stage_error_m: s.quantity("stage_error_m", &Allowed::new(0.0, 1e-3, "m"))?,
-        spring_tolerance: s.quantity("spring_tolerance", &Allowed::new(0.0, 0.5, ""))?,
-    })
+fn coil(tank: &TableSection<'_>, key: &str) -> Result<CoilDesign, FileError> {
+    tank.parsed(key, COIL_FORM, coil_of)
 }
 
 /// Reads a coil written as in [`COIL_FORM`].
-fn coil(text: &str) -> Result<CoilDesign, String> {
+fn coil_of(text: &str) -> Result<CoilDesign, String> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let &[outer, inner, turns, sides, slabs, gap] = parts.as_slice() else {
         return Err(format!("{text:?} has {} parts, not 6", parts.len()));

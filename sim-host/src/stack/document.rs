@@ -1,13 +1,13 @@
 //! Strict TOML reader: an unknown, repeated or missing key, a value of the wrong kind or out of
 //! range is an error that names file, line, key and allowed values.
 
-use core::fmt;
+use core::fmt::{self, Display};
 use core::ops::Range;
-use std::borrow::Cow;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::key::Table;
 use super::quantity::{Allowed, Quantity};
 
 /// Error in a file.
@@ -25,7 +25,7 @@ pub struct FileError {
     pub allowed: String,
 }
 
-impl fmt::Display for FileError {
+impl Display for FileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}: ", self.file, self.line)?;
         if !self.key.is_empty() {
@@ -66,46 +66,16 @@ pub fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
     Ok(text.strip_prefix('\u{FEFF}').unwrap_or(&text).to_owned())
 }
 
-/// A text with its name, which finds lines by offset.
-#[derive(Clone, Copy, Debug)]
-struct Source<'t> {
-    file: &'t str,
-    text: &'t str,
-}
-
-impl Source<'_> {
-    fn line(&self, span: &Range<usize>) -> usize {
-        let before = self.text.as_bytes().iter().take(span.start);
-        1 + before.filter(|&&byte| byte == b'\n').count()
-    }
-
-    fn error(&self, span: &Range<usize>, key: &str, problem: String, allowed: String) -> FileError {
-        FileError {
-            file: self.file.to_owned(),
-            line: self.line(span),
-            key: key.to_owned(),
-            problem,
-            allowed,
-        }
-    }
-}
-
-#[derive(Debug)]
-struct TableEntry<'t> {
-    key: Cow<'t, str>,
-    key_span: Range<usize>,
-    value: Spanned<DeValue<'t>>,
-}
-
 /// A table that is being read. The allowed keys are given when it is opened, so a misspelt key or
 /// one in another unit is reported as unknown, and the right one is not reported as missing.
 #[derive(Debug)]
 pub struct TableSection<'t> {
-    source: Source<'t>,
+    file: &'t str,
+    text: &'t str,
     /// "", or the name of the section with a dot.
     prefix: String,
     span: Range<usize>,
-    entries: Vec<TableEntry<'t>>,
+    table: DeTable<'t>,
 }
 
 impl<'t> TableSection<'t> {
@@ -114,152 +84,160 @@ impl<'t> TableSection<'t> {
     /// # Errors
     /// [`FileError`] if the text is not TOML or has an unknown key.
     pub fn parse(file: &'t str, text: &'t str, keys: &[&str]) -> Result<Self, FileError> {
-        let source = Source { file, text };
+        let mut section = Self {
+            file,
+            text,
+            prefix: String::new(),
+            span: 0..0,
+            table: DeTable::new(),
+        };
         let table = DeTable::parse(text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
-            source.error(&span, "", error.message().to_owned(), String::new())
+            section.error(&span, "", error.message(), "")
         })?;
-        let span = table.span();
-        Self::of(source, String::new(), span, table.into_inner(), keys)
-    }
-
-    fn of(
-        source: Source<'t>,
-        prefix: String,
-        span: Range<usize>,
-        table: DeTable<'t>,
-        keys: &[&str],
-    ) -> Result<Self, FileError> {
-        let entries: Vec<TableEntry<'t>> = table
-            .into_iter()
-            .map(|(key, value)| TableEntry {
-                key_span: key.span(),
-                key: key.into_inner(),
-                value,
-            })
-            .collect();
-        let section = Self {
-            source,
-            prefix,
-            span,
-            entries,
-        };
+        section.span = table.span();
+        section.table = table.into_inner();
         section.refuse_unknown(keys)?;
         Ok(section)
     }
 
     /// Refuses the first key that is not allowed.
     fn refuse_unknown(&self, keys: &[&str]) -> Result<(), FileError> {
-        let unknown = self
-            .entries
-            .iter()
-            .filter(|entry| !keys.contains(&entry.key.as_ref()));
-        match unknown.min_by_key(|entry| entry.key_span.start) {
+        let names = self.table.keys();
+        let unknown = names.filter(|name| !keys.contains(&name.get_ref().as_ref()));
+        match unknown.min_by_key(|name| name.span().start) {
             None => Ok(()),
-            Some(entry) => self.refuse(
-                &entry.key_span,
-                &entry.key,
-                "unknown key".to_owned(),
-                keys.join(", "),
-            ),
+            Some(name) => {
+                Err(self.error(&name.span(), name.get_ref(), "unknown key", keys.join(", ")))
+            }
         }
     }
 
-    /// Refuses a table without any of these keys, each given with its allowed values. `remedy` says
-    /// where to find all keys.
-    ///
-    /// # Errors
-    /// [`FileError`] with every missing key.
-    pub(super) fn require(&self, keys: &[(&str, String)], remedy: &str) -> Result<(), FileError> {
-        let missing: Vec<_> = keys.iter().filter(|(key, _)| !self.has(key)).collect();
-        if missing.is_empty() {
+    /// Refuses a table without several of these keys, with all their names. `remedy` says where to
+    /// find all keys. A single key that is missing is refused when it is read, with its range.
+    pub(super) fn require(&self, keys: &[&str], remedy: &str) -> Result<(), FileError> {
+        let missing = keys.iter().copied().filter(|key| !self.has(key));
+        let missing: Vec<&str> = missing.collect();
+        if missing.len() < 2 {
             return Ok(());
         }
-        let names: Vec<_> = missing.iter().map(|(key, _)| *key).collect();
-        let allowed = match missing.as_slice() {
-            [(_, allowed)] => format!("{allowed}; {remedy}"),
-            _ => remedy.to_owned(),
-        };
-        self.refuse(&self.span, &names.join(", "), "missing".to_owned(), allowed)
+        Err(self.error(&self.span, &missing.join(", "), "missing", remedy))
     }
 
-    fn full(&self, key: &str) -> String {
-        format!("{}{key}", self.prefix)
-    }
-
-    fn take(
-        &mut self,
-        key: &str,
-        allowed: impl fmt::Display,
-    ) -> Result<Spanned<DeValue<'t>>, FileError> {
-        match self.entries.iter().position(|entry| entry.key == key) {
-            Some(index) => Ok(self.entries.swap_remove(index).value),
-            None => Err(self.source.error(
-                &self.span,
-                &self.full(key),
-                "missing".to_owned(),
-                allowed.to_string(),
-            )),
-        }
-    }
-
-    fn refuse<T>(
+    fn error(
         &self,
         span: &Range<usize>,
         key: &str,
-        problem: String,
-        allowed: impl fmt::Display,
-    ) -> Result<T, FileError> {
-        let key = self.full(key);
-        Err(self.source.error(span, &key, problem, allowed.to_string()))
-    }
-
-    /// A table within this one, with its allowed keys.
-    ///
-    /// # Errors
-    /// [`FileError`] if it is missing, not a table, or has an unknown key.
-    pub fn section(&mut self, key: &str, keys: &[&str]) -> Result<Self, FileError> {
-        let allowed = format!("a section [{key}]");
-        let value = self.take(key, &allowed)?;
-        let span = value.span();
-        match value.into_inner() {
-            DeValue::Table(table) => {
-                let prefix = format!("{}{key}.", self.prefix);
-                Self::of(self.source, prefix, span, table, keys)
-            }
-            other => self.refuse(&span, key, kind(&other), allowed),
+        problem: impl Into<String>,
+        allowed: impl Display,
+    ) -> FileError {
+        let before = self.text.as_bytes().iter().take(span.start);
+        FileError {
+            file: self.file.to_owned(),
+            line: 1 + before.filter(|&&byte| byte == b'\n').count(),
+            key: format!("{}{key}", self.prefix),
+            problem: problem.into(),
+            allowed: allowed.to_string(),
         }
     }
 
     /// Whether the table has this key.
     #[must_use]
     pub fn has(&self, key: &str) -> bool {
-        self.entries.iter().any(|entry| entry.key == key)
+        self.table.contains_key(key)
+    }
+
+    /// Reads a key that need not be there.
+    pub(crate) fn if_given<T>(
+        &self,
+        key: &str,
+        read: impl FnOnce(&str) -> Result<T, FileError>,
+    ) -> Result<Option<T>, FileError> {
+        self.has(key).then(|| read(key)).transpose()
+    }
+
+    /// Refuses a key that does not belong to the others.
+    pub(crate) fn refuse(&self, key: &str, allowed: &str) -> Result<(), FileError> {
+        let given = self.if_given(key, |key| self.value(key, allowed, |of| Err(kind(of))))?;
+        Ok(given.unwrap_or_default())
+    }
+
+    /// The value of a key, converted by `convert`, whose error is a message.
+    fn value<'s, T>(
+        &'s self,
+        key: &str,
+        allowed: impl Display,
+        convert: impl FnOnce(&'s DeValue<'t>) -> Result<T, String>,
+    ) -> Result<T, FileError> {
+        match self.table.get(key) {
+            Some(value) => convert(value.get_ref())
+                .map_err(|problem| self.error(&value.span(), key, problem, allowed)),
+            None => Err(self.error(&self.span, key, "missing", allowed)),
+        }
+    }
+
+    /// The items of a list of at least `least`, each converted by `convert`.
+    fn list<'s, T>(
+        &'s self,
+        key: &str,
+        allowed: &str,
+        least: usize,
+        convert: impl Fn(&'s Spanned<DeValue<'t>>) -> Result<T, String>,
+    ) -> Result<Vec<T>, FileError> {
+        let items = self.value(key, allowed, |value| match value {
+            DeValue::Array(items) if items.len() >= least => Ok(items),
+            other => Err(kind(other)),
+        })?;
+        let each =
+            |item| convert(item).map_err(|problem| self.error(&item.span(), key, problem, allowed));
+        items.iter().map(each).collect()
+    }
+
+    /// A table within this one, with its allowed keys.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing, not a table, or has an unknown key.
+    pub fn section(&self, key: &str, keys: &[&str]) -> Result<Self, FileError> {
+        let table = self.value(key, format!("a section [{key}]"), table)?;
+        let span = self.table.get(key).map_or(0..0, Spanned::span);
+        self.within(key, span, table, keys)
+    }
+
+    /// A table within this one that is declared with its keys.
+    pub(super) fn table<T: Table>(&self, key: &str) -> Result<T, FileError> {
+        T::read(&self.section(key, T::NAMES)?)
     }
 
     /// A list of tables, `[[key]]` each, not empty, with the allowed keys of each.
     ///
     /// # Errors
     /// [`FileError`] if it is missing, empty, not a list of tables, or one has an unknown key.
-    pub fn sections(&mut self, key: &str, keys: &[&str]) -> Result<Vec<Self>, FileError> {
+    pub fn sections(&self, key: &str, keys: &[&str]) -> Result<Vec<Self>, FileError> {
         let allowed = format!("one section [[{key}]] or more");
-        let value = self.take(key, &allowed)?;
-        let span = value.span();
-        let items = match value.into_inner() {
-            DeValue::Array(items) if !items.is_empty() => items,
-            other => return self.refuse(&span, key, kind(&other), allowed),
+        let tables = self.list(key, &allowed, 1, |item| {
+            Ok((item.span(), table(item.get_ref())?))
+        })?;
+        let tables = tables.into_iter();
+        tables
+            .map(|(span, table)| self.within(key, span, table, keys))
+            .collect()
+    }
+
+    fn within(
+        &self,
+        key: &str,
+        span: Range<usize>,
+        table: &DeTable<'t>,
+        keys: &[&str],
+    ) -> Result<Self, FileError> {
+        let section = Self {
+            prefix: format!("{}{key}.", self.prefix),
+            span,
+            table: table.clone(),
+            ..*self
         };
-        let section = |item: Spanned<DeValue<'t>>| {
-            let span = item.span();
-            match item.into_inner() {
-                DeValue::Table(table) => {
-                    let prefix = format!("{}{key}.", self.prefix);
-                    Self::of(self.source, prefix, span, table, keys)
-                }
-                other => self.refuse(&span, key, kind(&other), &allowed),
-            }
-        };
-        items.into_iter().map(section).collect()
+        section.refuse_unknown(keys)?;
+        Ok(section)
     }
 
     /// A list of texts, each converted by `parse`.
@@ -267,45 +245,38 @@ impl<'t> TableSection<'t> {
     /// # Errors
     /// [`FileError`] with the message of `parse`, or if it is missing or not a list of texts.
     pub fn texts<T>(
-        &mut self,
+        &self,
         key: &str,
         allowed: &str,
         parse: impl Fn(&str) -> Result<T, String>,
     ) -> Result<Vec<T>, FileError> {
-        let value = self.take(key, allowed)?;
-        let span = value.span();
-        let items = match value.into_inner() {
-            DeValue::Array(items) => items,
-            other => return self.refuse(&span, key, kind(&other), allowed),
-        };
-        let each = |item: &Spanned<DeValue<'t>>| match item.get_ref() {
-            DeValue::String(text) => {
-                parse(text).or_else(|problem| self.refuse(&item.span(), key, problem, allowed))
-            }
-            other => self.refuse(&item.span(), key, kind(other), allowed),
-        };
-        items.iter().map(each).collect()
+        self.list(key, allowed, 0, |item| {
+            text(item.get_ref()).and_then(&parse)
+        })
     }
 
     /// A number within a range.
     ///
     /// # Errors
     /// [`FileError`] if it is missing, not a number, or out of range.
-    pub fn number_within(&mut self, key: &str, allowed: &Allowed) -> Result<f64, FileError> {
-        let value = self.take(key, allowed.bounds())?;
-        let span = value.span();
-        let number = self.number(&span, key, value.get_ref(), allowed.bounds())?;
-        match Quantity::Fixed(number).check(allowed) {
-            Ok(()) => Ok(number),
-            Err(problem) => self.refuse(&span, key, problem, allowed.bounds()),
-        }
+    pub fn number_within(&self, key: &str, allowed: &Allowed) -> Result<f64, FileError> {
+        self.value(key, allowed.bounds(), |value| number_in(value, allowed))
+    }
+
+    /// A list of numbers, not empty, each within a range.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing, empty, not a list of numbers, or one is out of range.
+    pub fn numbers(&self, key: &str, allowed: &Allowed) -> Result<Vec<f64>, FileError> {
+        let list = format!("a list of numbers, each {}", allowed.bounds());
+        self.list(key, &list, 1, |item| number_in(item.get_ref(), allowed))
     }
 
     /// A text that is not empty and has no control character.
     ///
     /// # Errors
     /// [`FileError`] if it is missing, empty, not a text, or has a control character.
-    pub fn text(&mut self, key: &str) -> Result<String, FileError> {
+    pub fn text(&self, key: &str) -> Result<String, FileError> {
         self.parsed(key, "a text", |text| {
             if text.is_empty() {
                 Err("empty".to_owned())
@@ -322,109 +293,92 @@ impl<'t> TableSection<'t> {
     /// # Errors
     /// [`FileError`] with the message of `parse`, or if it is missing or not a text.
     pub fn parsed<T>(
-        &mut self,
+        &self,
         key: &str,
         allowed: &str,
         parse: impl FnOnce(&str) -> Result<T, String>,
     ) -> Result<T, FileError> {
-        let value = self.take(key, allowed)?;
-        let span = value.span();
-        match value.get_ref() {
-            DeValue::String(text) => {
-                parse(text).or_else(|problem| self.refuse(&span, key, problem, allowed))
-            }
-            other => self.refuse(&span, key, kind(other), allowed),
-        }
+        self.value(key, allowed, |value| text(value).and_then(parse))
+    }
+
+    /// One of several names, each with what it stands for.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing or none of the names.
+    pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Result<T, FileError> {
+        let names: Vec<String> = choices
+            .iter()
+            .map(|(name, _)| format!("{name:?}"))
+            .collect();
+        self.parsed(key, &names.join(" or "), |text| {
+            let chosen = choices.iter().find(|(name, _)| *name == text);
+            chosen.map_or_else(|| Err(format!("is {text:?}")), |(_, of)| Ok(*of))
+        })
     }
 
     /// A quantity in any of the forms of [`Quantity`], within a range.
     ///
     /// # Errors
     /// [`FileError`] if it is missing, in no such form, or extends out of the range.
-    pub fn quantity(&mut self, key: &str, allowed: &Allowed) -> Result<Quantity, FileError> {
-        let value = self.take(key, allowed)?;
-        let span = value.span();
-        let quantity = match value.into_inner() {
-            DeValue::Table(table) => self.range(key, span.clone(), table, allowed)?,
-            other => Quantity::Fixed(self.number(&span, key, &other, allowed)?),
-        };
-        quantity
-            .check(allowed)
-            .or_else(|problem| self.refuse(&span, key, problem, allowed))?;
-        Ok(quantity)
+    pub fn quantity(&self, key: &str, allowed: &Allowed) -> Result<Quantity, FileError> {
+        self.value(key, allowed, |value| {
+            let quantity = match value {
+                DeValue::Table(table) => range(table)?,
+                other => Quantity::Fixed(number(other)?),
+            };
+            quantity.check(allowed)?;
+            Ok(quantity)
+        })
     }
+}
 
-    /// A list of numbers, not empty, each within a range.
-    ///
-    /// # Errors
-    /// [`FileError`] if it is missing, empty, not a list of numbers, or one is out of range.
-    pub fn numbers(&mut self, key: &str, allowed: &Allowed) -> Result<Vec<f64>, FileError> {
-        let list = format!("a list of numbers, each {}", allowed.bounds());
-        let value = self.take(key, &list)?;
-        let span = value.span();
-        let items = match value.into_inner() {
-            DeValue::Array(items) if !items.is_empty() => items,
-            other => return self.refuse(&span, key, kind(&other), list),
-        };
-        items
-            .iter()
-            .map(|item| {
-                let number = self.number(&item.span(), key, item.get_ref(), &list)?;
-                Quantity::Fixed(number)
-                    .check(allowed)
-                    .or_else(|problem| self.refuse(&item.span(), key, problem, &list))?;
-                Ok(number)
-            })
-            .collect()
+fn table<'s, 't>(value: &'s DeValue<'t>) -> Result<&'s DeTable<'t>, String> {
+    match value {
+        DeValue::Table(table) => Ok(table),
+        other => Err(kind(other)),
     }
+}
 
-    /// Parses the forms `{ nominal, spread }`, `{ min, max }` and `{ log_min, log_max }`.
-    fn range(
-        &self,
-        key: &str,
-        span: Range<usize>,
-        table: DeTable<'t>,
-        allowed: &Allowed,
-    ) -> Result<Quantity, FileError> {
-        let number = |name: &str| {
-            let found = table.iter().find(|(key, _)| key.get_ref() == name);
-            found.map(|(_, value)| self.number(&value.span(), key, value.get_ref(), allowed))
-        };
-        let pair = |first: &str, second: &str| match (table.len(), number(first), number(second)) {
-            (2, Some(first), Some(second)) => Some(first.and_then(|first| Ok((first, second?)))),
-            _ => None,
-        };
-        if let Some(pair) = pair("nominal", "spread") {
-            return pair.map(|(nominal, spread)| Quantity::Spread { nominal, spread });
-        }
-        if let Some(pair) = pair("min", "max") {
-            return pair.map(|(min, max)| Quantity::Uniform { min, max });
-        }
-        if let Some(pair) = pair("log_min", "log_max") {
-            return pair.map(|(min, max)| Quantity::LogUniform { min, max });
-        }
-        let keys: Vec<&str> = table.keys().map(|key| key.get_ref().as_ref()).collect();
-        let problem = format!("unknown form {{ {} }}", keys.join(", "));
-        self.refuse(&span, key, problem, allowed)
+fn text<'s>(value: &'s DeValue<'_>) -> Result<&'s str, String> {
+    match value {
+        DeValue::String(text) => Ok(text),
+        other => Err(kind(other)),
     }
+}
 
-    fn number(
-        &self,
-        span: &Range<usize>,
-        key: &str,
-        value: &DeValue<'_>,
-        allowed: impl fmt::Display,
-    ) -> Result<f64, FileError> {
-        let number = match value {
-            DeValue::Float(float) => float.as_str().parse().ok(),
-            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
-            _ => None,
-        };
-        match number {
-            Some(number) => Ok(number),
-            None => self.refuse(span, key, kind(value), allowed),
-        }
+fn number(value: &DeValue<'_>) -> Result<f64, String> {
+    let number = match value {
+        DeValue::Float(float) => float.as_str().parse().ok(),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
+        _ => None,
+    };
+    number.ok_or_else(|| kind(value))
+}
+
+fn number_in(value: &DeValue<'_>, allowed: &Allowed) -> Result<f64, String> {
+    let number = number(value)?;
+    Quantity::Fixed(number).check(allowed)?;
+    Ok(number)
+}
+
+/// Reads the forms `{ nominal, spread }`, `{ min, max }` and `{ log_min, log_max }`.
+fn range(table: &DeTable<'_>) -> Result<Quantity, String> {
+    let of = |name: &str| table.get(name).map(|value| number(value.get_ref()));
+    let pair = |first: &str, second: &str| match (table.len(), of(first), of(second)) {
+        (2, Some(first), Some(second)) => Some(first.and_then(|first| Ok((first, second?)))),
+        _ => None,
+    };
+    if let Some(pair) = pair("nominal", "spread") {
+        return pair.map(|(nominal, spread)| Quantity::Spread { nominal, spread });
     }
+    if let Some(pair) = pair("min", "max") {
+        return pair.map(|(min, max)| Quantity::Uniform { min, max });
+    }
+    if let Some(pair) = pair("log_min", "log_max") {
+        return pair.map(|(min, max)| Quantity::LogUniform { min, max });
+    }
+    let names: Vec<&str> = table.keys().map(|key| key.get_ref().as_ref()).collect();
+    Err(format!("unknown form {{ {} }}", names.join(", ")))
 }
 
 /// Name of a value's kind, for messages about a wrong kind.

@@ -47,10 +47,9 @@ fn the_disturbances_arrive_in_their_fields() {
     assert_eq!(d.crosstalk_relative_slope_per_press_depth, range(-0.3, 0.3));
     assert_eq!(d.attraction_relative_gradient_per_m, range(100.0, 300.0));
     assert_eq!(d.creep.amplitude, range(0.02, 0.10));
-    assert_eq!(
-        d.creep.tau_s,
-        [log(0.05, 5.0), log(5.0, 100.0), log(100.0, 1000.0)]
-    );
+    assert_eq!(d.creep.tau_fast_s, log(0.05, 5.0));
+    assert_eq!(d.creep.tau_mid_s, log(5.0, 100.0));
+    assert_eq!(d.creep.tau_slow_s, log(100.0, 1000.0));
     assert_eq!(d.magnetorheological.memory, range(0.05, 0.20));
     assert_eq!(d.magnetorheological.lag_s, range(0.001, 0.010));
     assert_eq!(

@@ -1,0 +1,80 @@
+//! Tables of quantities, each declared once: field, key, allowed range and meaning.
+
+use super::document::{FileError, TableSection};
+use super::quantity::Allowed;
+
+/// A key of a table that denotes a quantity.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Name, ending with the unit.
+    pub name: &'static str,
+    /// Allowed values.
+    pub allowed: Allowed,
+    /// Meaning.
+    pub meaning: &'static str,
+}
+
+/// A table of a file.
+pub(super) trait Table: Sized {
+    /// Names of all its keys, which it must have.
+    const NAMES: &'static [&'static str];
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// [`FileError`] for a value that is missing or refused.
+    fn read(table: &TableSection<'_>) -> Result<Self, FileError>;
+}
+
+/// Declares a table: first what is no quantity, with the way to read it; then its quantities.
+macro_rules! table {
+    (
+        $(#[$about:meta])*
+        $table:ident {
+            $($(#[$meaning:meta])+ $other:ident: $type:ty = $name:literal, $read:expr;)*
+            $($field:ident = $key:literal, $least:literal to $most:literal $unit:literal, $text:literal;)+
+        }
+    ) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $table {
+            $($(#[$meaning])+ pub $other: $type,)*
+            $(
+                #[doc = concat!($text, ", ", stringify!($least to $most), " ", $unit)]
+                pub $field: $crate::stack::quantity::Quantity,
+            )+
+        }
+
+        impl $table {
+            /// Keys of its quantities.
+            pub const KEYS: [$crate::stack::Key; [$($key),+].len()] = [$(
+                $crate::stack::Key {
+                    name: $key,
+                    allowed: $crate::stack::quantity::Allowed::new($least, $most, $unit),
+                    meaning: $text,
+                },
+            )+];
+
+            /// Its quantities, in the order of their keys.
+            #[must_use]
+            pub const fn quantities(&self) -> [$crate::stack::quantity::Quantity; Self::KEYS.len()] {
+                [$(self.$field),+]
+            }
+        }
+
+        impl $crate::stack::key::Table for $table {
+            const NAMES: &'static [&'static str] = &[$($name,)* $($key),+];
+
+            fn read(
+                table: &$crate::stack::document::TableSection<'_>,
+            ) -> Result<Self, $crate::stack::document::FileError> {
+                let [$($field),+] = &Self::KEYS;
+                Ok(Self {
+                    $($other: $read(table, $name)?,)*
+                    $($field: table.quantity($field.name, &$field.allowed)?,)+
+                })
+            }
+        }
+    };
+}
+pub(super) use table;
