@@ -2,7 +2,7 @@
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
-use palpate_wire::record::{Refusal, UncertaintyBudget};
+use palpate_wire::record::{Estimate, Refusal, UncertaintyBudget};
 
 /// Formats a stiffness in N/mm with three digits.
 pub fn stiffness(n_per_m: f64) -> String {
@@ -12,6 +12,21 @@ pub fn stiffness(n_per_m: f64) -> String {
     }
     let digits = (2 - n_per_mm.abs().max(1e-9).log10().floor() as i32).clamp(0, 4);
     format!("{n_per_mm:.*} N/mm", digits as usize)
+}
+
+/// Formats the stiffness of an estimate.
+pub fn estimated(estimate: &Estimate) -> String {
+    let value = estimate.stiffness_n_per_m.map(f64::from);
+    value.map_or("as if rigid".to_owned(), stiffness)
+}
+
+/// Formats the 95 % interval of an estimate.
+pub fn interval(estimate: &Estimate) -> String {
+    let lower = stiffness(estimate.lower_n_per_m.into());
+    match estimate.upper_n_per_m {
+        Some(upper) => format!("{lower} to {}", stiffness(upper.into())),
+        None => format!("{lower} or more"),
+    }
 }
 
 /// Formats a refusal with its numbers.

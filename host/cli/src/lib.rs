@@ -13,4 +13,6 @@ pub mod page;
 pub mod plot;
 pub mod progress;
 pub mod quantity;
+pub mod report;
 pub mod text;
+pub mod train_line;

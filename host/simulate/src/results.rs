@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
-use palpate_cli::describe::stiffness;
+use palpate_cli::describe::{estimated, interval, stiffness};
 use palpate_cli::failure::Failure;
 use palpate_sim::switches::Switches;
 use serde::Serialize;
@@ -173,16 +173,12 @@ impl Measured {
         let [estimate, error, interval, holds, plain] = match self.verdict.estimate() {
             Some(estimate) => {
                 let value = estimate.stiffness_n_per_m.map(f64::from);
-                let lower = stiffness(f64::from(estimate.lower_n_per_m));
                 let plain = estimate.two_state_n_per_m.map(f64::from);
                 let holds = self.verdict.holds(truth) == Some(true);
                 [
-                    value.map_or("as if rigid".to_owned(), stiffness),
+                    estimated(estimate),
                     value.map_or(String::new(), |value| error(value, truth)),
-                    match estimate.upper_n_per_m {
-                        Some(upper) => format!("{lower} to {}", stiffness(f64::from(upper))),
-                        None => format!("{lower} or more"),
-                    },
+                    interval(estimate),
                     if holds { "yes" } else { "NO" }.to_owned(),
                     plain.map_or(String::new(), stiffness),
                 ]

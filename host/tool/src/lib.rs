@@ -4,7 +4,6 @@ pub mod board;
 mod commands;
 mod interrupt;
 pub mod recording;
-mod train_line;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -12,7 +12,7 @@ use tokio::sync::{broadcast, watch};
 use super::envelope::Batch;
 use super::measurements::Measurements;
 use super::state::State;
-use crate::train_line::TrainLine;
+use palpate_cli::train_line::TrainLine;
 
 /// Maximum number of sample batches that wait for a page: two seconds, longer than a browser's own
 /// pauses.

@@ -13,7 +13,7 @@ use super::measurements::Measurements;
 use super::state::{Answer, Progress, State};
 use crate::board::link::{Arrival, Link};
 use crate::commands::watch::known::Known;
-use crate::train_line::Train;
+use palpate_cli::train_line::Train;
 
 /// Interval of sample batches: 30 pictures a second look like continuous motion.
 const PICTURE: Duration = Duration::from_millis(33);

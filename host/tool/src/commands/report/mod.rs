@@ -1,6 +1,5 @@
-//! `palpate report`: a recording as one page, in the style of the demo's report.
+//! `palpate report`: a recording as one page.
 
-mod charts;
 mod page;
 mod story;
 
@@ -40,12 +39,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let beside = || arguments.file.with_extension("html");
     let html = arguments.html.clone().unwrap_or_else(beside);
     let output = OutputFile::new("--html", &html)?.apart_from(&arguments.file)?;
-    let story = RecordingSummary::read(&arguments.file)?;
-    output.write(page::page(&story)?)?;
+    let recording = RecordingSummary::read(&arguments.file)?;
+    output.write(page::page(&recording)?)?;
     let mut out = io::stdout().lock();
     if arguments.json {
         let file = output.path().display().to_string();
-        let line = json!({ "file": file, "measurements": story.measurements.len() });
+        let line = json!({ "file": file, "measurements": recording.story.measurements.len() });
         return Ok(writeln!(out, "{line}")?);
     }
     Ok(writeln!(out, "Report: {}", output.path().display())?)

@@ -1,15 +1,10 @@
 //! The HTML page.
 
-use maud::{Markup, PreEscaped, html};
 use palpate_cli::describe;
-use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
-use palpate_cli::page::document;
-use palpate_cli::plot::Chart;
-use palpate_wire::record::Estimate;
+use palpate_cli::report::{Measurement, Report, Row, Section, Story, charts};
 
-use super::charts;
-use super::story::{Measurement, RecordingSummary};
+use super::story::RecordingSummary;
 use crate::recording::date;
 
 const COLUMNS: [&str; 6] = [
@@ -21,58 +16,49 @@ const COLUMNS: [&str; 6] = [
     "temperature",
 ];
 
-pub(super) fn page(story: &RecordingSummary) -> Result<String, Failure> {
+pub(super) fn page(recording: &RecordingSummary) -> Result<String, Failure> {
+    let story = &recording.story;
+    let boots = recording.contents.boots();
+    let boots = boots.iter().map(|boot| format!("Of {}.", boot.sentence()));
+    let none = "There is no measurement in it: `palpate record --arm` records them.";
+    let none = story.measurements.is_empty().then(|| none.to_owned());
     let whole = [charts::FORCE, charts::FREQUENCY];
-    let whole = drawn(whole.map(|of| charts::over_time(story, of, None)))?;
-    let sections = story.measurements.iter().map(|of| section(story, of));
-    let sections = sections.collect::<Result<Vec<Markup>, Failure>>()?;
-    Ok(document(
-        &format!("palpate: {}", story.file),
-        &html! {
-            h1 { "Stiffness of the pressed objects" }
-            p { (title(story)) }
-            @for boot in story.contents.boots() { p { "Of " (boot.sentence()) "." } }
-            @if story.measurements.is_empty() {
-                p { "There is no measurement in it: `palpate record --arm` records them." }
-            } @else { (table(story)) }
-            div.charts { @for drawing in &whole { (PreEscaped(drawing)) } }
-            @for section in &sections { (section) }
-        },
-    ))
+    let whole = whole.map(|of| charts::over_time(story, of, None));
+    Report {
+        title: format!("palpate: {}", recording.file),
+        about: [title(recording)].into_iter().chain(boots).collect(),
+        columns: &COLUMNS,
+        rows: story.measurements.iter().map(row).collect(),
+        summary: none,
+        charts: whole.into_iter().flatten().collect(),
+        sections: story
+            .measurements
+            .iter()
+            .map(|of| section(story, of))
+            .collect(),
+    }
+    .page()
 }
 
-fn title(story: &RecordingSummary) -> String {
-    let began = story.contents.began_ns().map(date::text);
+fn title(recording: &RecordingSummary) -> String {
+    let began = recording.contents.began_ns().map(date::text);
     format!(
         "Recording {} of {}, from {}, {:.1} s.",
-        story.file,
-        story.board,
+        recording.file,
+        recording.board,
         began.unwrap_or_default(),
-        story.contents.duration_s()
+        recording.contents.duration_s()
     )
 }
 
-fn table(story: &RecordingSummary) -> Markup {
-    html! {
-        table {
-            thead { tr { @for column in COLUMNS { th { (column) } } } }
-            tbody {
-                @for measurement in &story.measurements {
-                    tr { @for cell in cells(measurement) { td { (cell) } } }
-                }
-            }
-        }
-    }
-}
-
-fn cells(measurement: &Measurement) -> [String; COLUMNS.len()] {
+fn row(measurement: &Measurement) -> Row {
     let at = format!("{:.2} s", measurement.at_s);
-    match &measurement.result {
+    let cells: [String; COLUMNS.len()] = match &measurement.result {
         Ok(estimate) => [
             estimate.measurement.to_string(),
             at,
-            value(estimate),
-            interval(estimate),
+            describe::estimated(estimate),
+            describe::interval(estimate),
             format!("{:.3} N", estimate.force_n),
             estimate
                 .temperature_c
@@ -86,54 +72,29 @@ fn cells(measurement: &Measurement) -> [String; COLUMNS.len()] {
             String::new(),
             String::new(),
         ],
-    }
-}
-
-fn value(estimate: &Estimate) -> String {
-    let value = estimate.stiffness_n_per_m.map(f64::from);
-    value.map_or("as if rigid".to_owned(), stiffness)
-}
-
-fn interval(estimate: &Estimate) -> String {
-    let lower = stiffness(estimate.lower_n_per_m.into());
-    match estimate.upper_n_per_m {
-        Some(upper) => format!("{lower} to {}", stiffness(upper.into())),
-        None => format!("{lower} or more"),
-    }
-}
-
-fn section(story: &RecordingSummary, measurement: &Measurement) -> Result<Markup, Failure> {
-    let over_time = [charts::DEFORMATION, charts::CURRENT];
-    let over_time = over_time.map(|of| charts::over_time(story, of, Some(measurement)));
-    let line = measurement.line.as_ref().map(charts::line);
-    let curve = charts::load_curve(&measurement.points);
-    let drawings = drawn(over_time.into_iter().chain([line, curve]))?;
-    let sentence = match &measurement.result {
-        Ok(estimate) => format!(
-            "Measurement {}: {}, with 95 % in {}",
-            estimate.measurement,
-            value(estimate),
-            interval(estimate)
-        ),
-        Err(refusal) => format!(
-            "At {:.2} s: refused. {}",
-            measurement.at_s,
-            describe::refusal(refusal)
-        ),
     };
-    Ok(html! {
-        section {
-            h2 { (sentence) }
-            @if let Some(text) = &measurement.limited_by { p { (text) } }
-            div.charts { @for drawing in &drawings { (PreEscaped(drawing)) } }
-        }
-    })
+    Row {
+        cells: cells.into(),
+        missed: false,
+    }
 }
 
-fn drawn(charts: impl IntoIterator<Item = Option<Chart>>) -> Result<Vec<String>, Failure> {
-    charts
-        .into_iter()
-        .flatten()
-        .map(|chart| chart.svg())
-        .collect()
+fn section(story: &Story, measurement: &Measurement) -> Section {
+    Section {
+        heading: match &measurement.result {
+            Ok(estimate) => format!(
+                "Measurement {}: {}, with 95 % in {}",
+                estimate.measurement,
+                describe::estimated(estimate),
+                describe::interval(estimate)
+            ),
+            Err(refusal) => format!(
+                "At {:.2} s: refused. {}",
+                measurement.at_s,
+                describe::refusal(refusal)
+            ),
+        },
+        text: measurement.limited_by.clone(),
+        charts: charts::of_measurement(story, Some(measurement), None),
+    }
 }

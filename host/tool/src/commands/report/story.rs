@@ -3,21 +3,13 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use palpate_cli::describe::limited_by;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
+use palpate_cli::report::Story;
 use palpate_wire::Record;
-use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 
 use crate::recording::date::NS_PER_S;
 use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
-use crate::train_line::{Train, TrainLine};
-
-/// Time before a measurement's result that its charts show, s: for a short press it begins before
-/// the touch.
-const BEFORE_S: f64 = 3.0;
-/// Time after a measurement's result that its charts show, s.
-const AFTER_S: f64 = 0.5;
 
 /// The shown parts of a recording.
 pub(super) struct RecordingSummary {
@@ -25,27 +17,7 @@ pub(super) struct RecordingSummary {
     /// Name of the board.
     pub(super) board: String,
     pub(super) contents: Contents,
-    /// Samples of the first converter: time since the first record, s.
-    pub(super) samples: Vec<(f64, Sample)>,
-    pub(super) measurements: Vec<Measurement>,
-}
-
-/// A measurement with its result.
-pub(super) struct Measurement {
-    /// Time of the result since the first record, s.
-    pub(super) at_s: f64,
-    pub(super) result: Result<Estimate, Refusal>,
-    /// Largest cause of the interval, if the board reported it.
-    pub(super) limited_by: Option<String>,
-    pub(super) line: Option<TrainLine>,
-    pub(super) points: Vec<LoadPoint>,
-}
-
-impl Measurement {
-    /// Whether a time, s, is within the measurement's shown range.
-    pub(super) fn shows(&self, time_s: f64) -> bool {
-        (self.at_s - BEFORE_S..=self.at_s + AFTER_S).contains(&time_s)
-    }
+    pub(super) story: Story,
 }
 
 /// State while reading a file.
@@ -56,32 +28,28 @@ struct Reading {
     /// Settings and calibration in force, by boot.
     in_force: HashMap<u32, Vec<Record>>,
     boot_id: Option<u32>,
-    train: Train,
-    /// Largest cause of the next result's interval.
-    limited_by: Option<String>,
 }
 
 impl RecordingSummary {
     /// Reads a file.
     pub(super) fn read(file: &Path) -> Result<Self, Failure> {
-        let mut story = Self {
+        let mut summary = Self {
             file: file.display().to_string(),
             board: String::new(),
             contents: Contents::default(),
-            samples: Vec::new(),
-            measurements: Vec::new(),
+            story: Story::default(),
         };
         let mut reader = Reader::open(file)?;
         let mut reading = Reading::default();
         // The first note of each boot applies from its start, wherever it is in the file.
         for note in Reader::boot_notes(file)?.iter().rev() {
-            story.note(note, &mut reading);
+            summary.note(note, &mut reading);
         }
         for entry in &mut reader {
-            story.contents.enter(&entry);
+            summary.contents.enter(&entry);
             match entry {
-                Entry::Note(note) => story.note(&note, &mut reading),
-                Entry::Frame(recorded) => story.frame(recorded, &mut reading),
+                Entry::Note(note) => summary.note(&note, &mut reading),
+                Entry::Frame(recorded) => summary.frame(recorded, &mut reading),
                 Entry::Log(_) => {}
             }
         }
@@ -89,7 +57,7 @@ impl RecordingSummary {
         if let Some(damage) = reader.damage() {
             notice::say(format_args!("{}: {damage}.", file.display()));
         }
-        Ok(story)
+        Ok(summary)
     }
 
     fn note(&mut self, note: &Note, reading: &mut Reading) {
@@ -112,41 +80,9 @@ impl RecordingSummary {
         let boot_id = recorded.frame.header.boot_id;
         if reading.boot_id.replace(boot_id) != Some(boot_id) {
             let parts = reading.in_force.get(&boot_id);
-            reading.train = Train::with(parts.map_or(&[], Vec::as_slice));
+            self.story.boot(parts.map_or(&[], Vec::as_slice));
         }
-        let line = reading.train.take(at_s, &recorded.frame.message);
-        match recorded.frame.message {
-            Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
-            Record::UncertaintyBudget(budget) => reading.limited_by = Some(limited_by(&budget)),
-            Record::Estimate(estimate) => {
-                self.ended(at_s, Ok(estimate), line, reading.limited_by.take())
-            }
-            Record::Refusal(refusal) => {
-                self.ended(at_s, Err(refusal), None, reading.limited_by.take())
-            }
-            Record::LoadPoint(point) => {
-                if let Some(last) = self.measurements.last_mut() {
-                    last.points.push(point);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    fn ended(
-        &mut self,
-        at_s: f64,
-        result: Result<Estimate, Refusal>,
-        line: Option<TrainLine>,
-        limited_by: Option<String>,
-    ) {
-        self.measurements.push(Measurement {
-            at_s,
-            result,
-            limited_by,
-            line,
-            points: Vec::new(),
-        });
+        self.story.take(at_s, recorded.frame.message);
     }
 }
 

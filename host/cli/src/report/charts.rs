@@ -1,48 +1,66 @@
-//! The charts of the report.
+//! Charts of an instrument's records.
 
-use palpate_cli::plot::{Axis, BLUE, Chart, Colour, GREEN, Marks, ORANGE, Series, thinned};
+use crate::plot::{Axis, BLUE, Chart, Colour, GREEN, Marks, ORANGE, Series, thinned};
 use palpate_wire::record::{LoadPoint, Sample};
 
-use super::story::{Measurement, RecordingSummary};
+use super::story::{Measurement, Story};
 use crate::train_line::TrainLine;
 
 /// A quantity of a sample over time.
-#[derive(Clone, Copy)]
-pub(super) struct Quantity {
+#[derive(Clone, Copy, Debug)]
+pub struct Quantity {
     title: &'static str,
     label: &'static str,
     colour: Colour,
     of: fn(&Sample) -> Option<f64>,
 }
 
-pub(super) const FORCE: Quantity = Quantity {
+/// The force.
+pub const FORCE: Quantity = Quantity {
     title: "Force",
     label: "force, N",
     colour: GREEN,
     of: |sample| sample.force_n.map(f64::from),
 };
-pub(super) const FREQUENCY: Quantity = Quantity {
+/// The frequency of the first channel.
+pub const FREQUENCY: Quantity = Quantity {
     title: "Frequency",
     label: "frequency, MHz",
     colour: BLUE,
     of: |sample| Some(sample.channels.first()?.frequency_hz * 1e-6),
 };
-pub(super) const DEFORMATION: Quantity = Quantity {
+const DEFORMATION: Quantity = Quantity {
     title: "Deformation",
     label: "deformation, µm",
     colour: BLUE,
     of: |sample| Some(f64::from(sample.channels.first()?.deformation_m?) * 1e6),
 };
-pub(super) const CURRENT: Quantity = Quantity {
+const CURRENT: Quantity = Quantity {
     title: "Coil current",
     label: "current, A",
     colour: ORANGE,
     of: |sample| sample.current_a.map(f64::from),
 };
 
+/// Displacement of the load at a force, N, in m, where it is known.
+pub type Truth<'t> = Option<&'t dyn Fn(f64) -> f64>;
+
+/// Charts of one measurement, or of the whole story without one.
+pub fn of_measurement(
+    story: &Story,
+    measurement: Option<&Measurement>,
+    truth: Truth<'_>,
+) -> Vec<Chart> {
+    let over_time = [DEFORMATION, CURRENT].map(|of| over_time(story, of, measurement));
+    let fitted = measurement.and_then(|of| of.line.as_ref());
+    let curve = measurement.and_then(|of| load_curve(&of.points, truth));
+    let others = [fitted.map(line), fitted.map(residuals), curve];
+    over_time.into_iter().chain(others).flatten().collect()
+}
+
 /// Chart of a quantity over the whole recording or one measurement; `None` without values.
-pub(super) fn over_time(
-    story: &RecordingSummary,
+pub fn over_time(
+    story: &Story,
     quantity: Quantity,
     measurement: Option<&Measurement>,
 ) -> Option<Chart> {
@@ -55,16 +73,16 @@ pub(super) fn over_time(
         title: quantity.title.to_owned(),
         x: Axis::linear("time, s"),
         y: Axis::linear(quantity.label),
-        series: vec![curve(quantity, thinned(&profile))],
+        series: vec![Series::new(
+            quantity.label,
+            quantity.colour,
+            Marks::Line(thinned(&profile)),
+        )],
     })
 }
 
-fn curve(quantity: Quantity, points: Vec<(f64, f64)>) -> Series {
-    Series::new(quantity.label, quantity.colour, Marks::Line(points))
-}
-
 /// Chart of 1/x against the actuated layer's compliance, with the fitted line.
-pub(super) fn line(line: &TrainLine) -> Chart {
+fn line(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let measured = points
         .clone()
@@ -86,8 +104,22 @@ pub(super) fn line(line: &TrainLine) -> Chart {
     }
 }
 
-/// Chart of the force against the load's displacement relative to the middle of the ramps.
-pub(super) fn load_curve(points: &[LoadPoint]) -> Option<Chart> {
+/// Residuals of the line over time.
+fn residuals(line: &TrainLine) -> Chart {
+    let points = line.points.iter();
+    let points = points.map(|point| (point.time_s, point.residual_m * 1e9));
+    let points = Marks::Points(points.collect());
+    Chart {
+        title: "What the line leaves".to_owned(),
+        x: Axis::linear("time since the first ramp, s"),
+        y: Axis::linear("residual of x, nm"),
+        series: vec![Series::new("residual", BLUE, points)],
+    }
+}
+
+/// Chart of the force against the displacement of the load. The displacement is relative to the
+/// middle of the ramps, since the ramps do not show what it was before.
+fn load_curve(points: &[LoadPoint], truth: Truth<'_>) -> Option<Chart> {
     let middle = points.get(points.len() / 2)?;
     let from_m = f64::from(middle.displacement_m);
     let bars = points.iter().map(|point| {
@@ -97,14 +129,17 @@ pub(super) fn load_curve(points: &[LoadPoint]) -> Option<Chart> {
         let [low, value, high] = [at_m - wide_m, at_m, at_m + wide_m].map(|m| m * 1e6);
         (f64::from(point.force_n), low, value, high)
     });
+    let measured = Series::new("measured, ± 2 s.e.", BLUE, Marks::Bars(bars.collect()));
+    let true_curve = truth.map(|truly_m| {
+        let true_from_m = truly_m(middle.force_n.into());
+        let forces = points.iter().map(|point| f64::from(point.force_n));
+        let curve = forces.map(|force_n| (force_n, (truly_m(force_n) - true_from_m) * 1e6));
+        Series::new("true", GREEN, Marks::Line(curve.collect()))
+    });
     Some(Chart {
         title: "The load's curve along the ramps".to_owned(),
         x: Axis::linear("force, N"),
         y: Axis::linear("displacement of the load, µm"),
-        series: vec![Series::new(
-            "measured, ± 2 s.e.",
-            BLUE,
-            Marks::Bars(bars.collect()),
-        )],
+        series: true_curve.into_iter().chain([measured]).collect(),
     })
 }

@@ -21,25 +21,31 @@ const DRAWN: usize = 600;
 
 /// A measured point with the value of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Point {
+pub struct Point {
     /// c_S/c_D(I), with the attraction as a compliance.
-    pub(crate) compliance: f64,
+    pub compliance: f64,
     /// 1/x without the drift, 1/m.
-    pub(crate) inverse_per_m: f64,
+    pub inverse_per_m: f64,
     /// Value of the line, 1/m.
-    pub(crate) line_per_m: f64,
+    pub line_per_m: f64,
+    /// Time since the first ramp, s.
+    #[serde(skip)]
+    pub time_s: f64,
+    /// Measured deformation x less the one that the line gives, m.
+    #[serde(skip)]
+    pub residual_m: f64,
 }
 
 /// The line of a train.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct TrainLine {
+pub struct TrainLine {
     measurement: u32,
     /// Every n-th sample, sorted by rising compliance.
-    pub(crate) points: Vec<Point>,
+    pub points: Vec<Point>,
     /// Number n of samples per drawn point.
     every: usize,
     /// c_S/c_L from this line.
-    pub(crate) load_ratio: f64,
+    pub load_ratio: f64,
     /// c_S/c_L from the board, and its standard error.
     board_load_ratio: f32,
     board_standard_error: f32,
@@ -47,7 +53,7 @@ pub(crate) struct TrainLine {
 
 /// Collects the samples of a train.
 #[derive(Debug, Default)]
-pub(crate) struct Train {
+pub struct Train {
     /// Latest records of the board's settings and calibration.
     parts: Vec<Record>,
     touched_s: Option<f64>,
@@ -57,7 +63,7 @@ pub(crate) struct Train {
 
 impl Train {
     /// Creates it for a board with these settings and this calibration in force.
-    pub(crate) fn with(parts: &[Record]) -> Self {
+    pub fn with(parts: &[Record]) -> Self {
         let mut train = Self::default();
         for part in parts {
             train.take(0.0, part);
@@ -66,7 +72,7 @@ impl Train {
     }
 
     /// Processes a record at a time, s. The result of a measurement returns its line.
-    pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<TrainLine> {
+    pub fn take(&mut self, time_s: f64, record: &Record) -> Option<TrainLine> {
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
             // Records may arrive out of the order of their times: samples from the peak on are
@@ -121,10 +127,16 @@ impl Train {
         let falls: Vec<_> = falls.collect();
         let fit = TrainFit::of(&falls, began_s - touched_s).ok()?;
         let every = falls.len().div_ceil(DRAWN).max(1);
-        let points = falls.iter().step_by(every).map(|of| Point {
-            compliance: of.compliance,
-            inverse_per_m: fit.drifted(of.time_s) / of.deformation_m,
-            line_per_m: fit.inverse_per_m(of.compliance),
+        let points = falls.iter().step_by(every).map(|of| {
+            let drifted = fit.drifted(of.time_s);
+            let line_per_m = fit.inverse_per_m(of.compliance);
+            Point {
+                compliance: of.compliance,
+                inverse_per_m: drifted / of.deformation_m,
+                line_per_m,
+                time_s: of.time_s,
+                residual_m: of.deformation_m - drifted / line_per_m,
+            }
         });
         let mut points: Vec<_> = points.collect();
         points.sort_by(|a, b| a.compliance.total_cmp(&b.compliance));

@@ -9,7 +9,7 @@ use palpate_wire::record::Sample;
 
 /// Conversion from a current to the actuated layer's compliance, by the calibration in force.
 #[derive(Clone, Debug)]
-pub(crate) struct Law {
+pub(super) struct Law {
     settings: Settings,
     sensing_n_per_m: f64,
     /// c_S/c_D0.
@@ -22,7 +22,7 @@ pub(crate) struct Law {
 impl Law {
     /// Creates it from the board's records of settings and calibration; `None` if a part is
     /// missing.
-    pub(crate) fn of(records: &[Record]) -> Option<Self> {
+    pub(super) fn of(records: &[Record]) -> Option<Self> {
         let springs = last(records, |record| match record {
             Record::Springs(of) => Some(of),
             _ => None,
@@ -54,7 +54,7 @@ impl Law {
     }
 
     /// The settings in force.
-    pub(crate) const fn settings(&self) -> &Settings {
+    pub(super) const fn settings(&self) -> &Settings {
         &self.settings
     }
 
@@ -74,7 +74,7 @@ impl Law {
     }
 
     /// c_S/c_D(I), with the attraction as a compliance.
-    pub(crate) fn compliance(&self, reading: &Reading) -> f64 {
+    pub(super) fn compliance(&self, reading: &Reading) -> f64 {
         let ratio = self.ratio / (1.0 + self.rise(reading.current_a));
         let pull_n = self.attraction_n_per_a2 * reading.current_a.powi(2);
         ratio + pull_n * ratio / self.sensing_n_per_m / reading.deformation_m
@@ -88,18 +88,18 @@ fn last<'r, T>(records: &'r [Record], of: impl Fn(&'r Record) -> Option<&'r T>) 
 
 /// A sample with all needed quantities.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reading {
+pub(super) struct Reading {
     /// Device time, s.
-    pub(crate) time_s: f64,
+    pub(super) time_s: f64,
     /// Deformation, m.
-    pub(crate) deformation_m: f64,
+    pub(super) deformation_m: f64,
     /// Effective current, A: root mean square of mean and ripple.
-    pub(crate) current_a: f64,
+    pub(super) current_a: f64,
 }
 
 impl Reading {
     /// Converts a sample; `None` without a deformation or a current.
-    pub(crate) fn of(time_s: f64, sample: &Sample) -> Option<Self> {
+    pub(super) fn of(time_s: f64, sample: &Sample) -> Option<Self> {
         let deformation_m = sample.channels.first()?.deformation_m?.into();
         let ripple_a = sample.ripple_a.unwrap_or(0.0).into();
         Some(Self {
@@ -113,7 +113,7 @@ impl Reading {
 #[cfg(test)]
 impl Law {
     /// Springs, curve and attraction with round numbers, and the settings of a board.
-    pub(crate) fn made_parts() -> Vec<Record> {
+    pub(super) fn made_parts() -> Vec<Record> {
         let knot = |a: u8| StiffeningKnot {
             current_a: 0.5 * f32::from(a),
             rise: 1e-3 * (0.5 * f32::from(a)).powi(2),
@@ -141,7 +141,7 @@ impl Law {
         };
         let curve = [0, 8, 16, 24].map(chunk);
         let others = [
-            Record::Settings(palpate_simulate::instrument::default_settings()),
+            Record::Settings(palpate_sim::native::default_settings()),
             Record::Springs(springs),
             Record::Attraction(attraction),
         ];

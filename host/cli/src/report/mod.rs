@@ -1,0 +1,99 @@
+//! Report on measurements, from a recording or a simulation: a self-contained page with charts.
+
+pub mod charts;
+mod story;
+
+use maud::{Markup, PreEscaped, html};
+pub use story::{Measurement, Story};
+
+use crate::failure::Failure;
+use crate::page::document;
+use crate::plot::Chart;
+
+/// Content of a report.
+#[derive(Debug)]
+pub struct Report {
+    /// Title of the page.
+    pub title: String,
+    /// What was measured, a paragraph each.
+    pub about: Vec<String>,
+    /// Heading of each column of the table.
+    pub columns: &'static [&'static str],
+    /// A row of the table for each measurement.
+    pub rows: Vec<Row>,
+    /// Result of all measurements in words.
+    pub summary: Option<String>,
+    /// Charts of all measurements together.
+    pub charts: Vec<Chart>,
+    /// A section for each measurement.
+    pub sections: Vec<Section>,
+}
+
+/// A row of the table.
+#[derive(Debug)]
+pub struct Row {
+    /// Text under each heading.
+    pub cells: Vec<String>,
+    /// Whether the interval misses the truth.
+    pub missed: bool,
+}
+
+/// A measurement.
+#[derive(Debug)]
+pub struct Section {
+    /// Name and result.
+    pub heading: String,
+    /// What limits the result.
+    pub text: Option<String>,
+    /// Its charts.
+    pub charts: Vec<Chart>,
+}
+
+impl Report {
+    /// Builds the page.
+    pub fn page(&self) -> Result<String, Failure> {
+        let charts = drawn(&self.charts)?;
+        let sections = self.sections.iter().map(section);
+        let sections = sections.collect::<Result<Vec<Markup>, Failure>>()?;
+        Ok(document(
+            &self.title,
+            &html! {
+                h1 { "How stiff is what presses?" }
+                @for text in &self.about { p { (text) } }
+                @if !self.rows.is_empty() { (self.table()) }
+                @if let Some(text) = &self.summary { p { (text) } }
+                div.wide[self.charts.len() == 1].charts[self.charts.len() > 1] { (charts) }
+                @for section in &sections { (section) }
+            },
+        ))
+    }
+
+    fn table(&self) -> Markup {
+        html! {
+            table {
+                thead { tr { @for column in self.columns { th { (column) } } } }
+                tbody {
+                    @for row in &self.rows {
+                        tr.missed[row.missed] { @for cell in &row.cells { td { (cell) } } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn section(section: &Section) -> Result<Markup, Failure> {
+    let charts = drawn(&section.charts)?;
+    Ok(html! {
+        section {
+            h2 { (section.heading) }
+            @if let Some(text) = &section.text { p { (text) } }
+            div.charts { (charts) }
+        }
+    })
+}
+
+fn drawn(charts: &[Chart]) -> Result<Markup, Failure> {
+    let drawings = charts.iter().map(Chart::svg);
+    Ok(PreEscaped(drawings.collect::<Result<String, Failure>>()?))
+}

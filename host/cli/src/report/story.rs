@@ -1,0 +1,82 @@
+//! What a report shows of the records of an instrument.
+
+use palpate_wire::Record;
+use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
+
+use crate::describe::limited_by;
+use crate::train_line::{Train, TrainLine};
+
+/// Time before a measurement's result that its charts show, s: for a short press it begins before
+/// the touch.
+const BEFORE_S: f64 = 3.0;
+/// Time after a measurement's result that its charts show, s.
+const AFTER_S: f64 = 0.5;
+
+/// The shown parts of a recording, or of a simulated press.
+#[derive(Debug, Default)]
+pub struct Story {
+    /// Samples of the first converter, each with its time, s.
+    pub samples: Vec<(f64, Sample)>,
+    /// Measurements in their order.
+    pub measurements: Vec<Measurement>,
+    train: Train,
+    /// Largest cause of the next result's interval.
+    limited_by: Option<String>,
+}
+
+/// A measurement with its result.
+#[derive(Debug)]
+pub struct Measurement {
+    /// Time of the result, s.
+    pub at_s: f64,
+    /// The result.
+    pub result: Result<Estimate, Refusal>,
+    /// Largest cause of the interval, if the board reported it.
+    pub limited_by: Option<String>,
+    /// The line of its ramps.
+    pub line: Option<TrainLine>,
+    /// Points of the load's curve.
+    pub points: Vec<LoadPoint>,
+}
+
+impl Measurement {
+    /// Whether a time, s, is within the measurement's shown range.
+    pub fn shows(&self, time_s: f64) -> bool {
+        (self.at_s - BEFORE_S..=self.at_s + AFTER_S).contains(&time_s)
+    }
+}
+
+impl Story {
+    /// Starts with an instrument, or with its next boot, that has these settings and this
+    /// calibration in force.
+    pub fn boot(&mut self, in_force: &[Record]) {
+        self.train = Train::with(in_force);
+    }
+
+    /// Takes the next record with its time, s.
+    pub fn take(&mut self, at_s: f64, record: Record) {
+        let line = self.train.take(at_s, &record);
+        match record {
+            Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
+            Record::UncertaintyBudget(budget) => self.limited_by = Some(limited_by(&budget)),
+            Record::Estimate(estimate) => self.ended(at_s, Ok(estimate), line),
+            Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None),
+            Record::LoadPoint(point) => {
+                if let Some(last) = self.measurements.last_mut() {
+                    last.points.push(point);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn ended(&mut self, at_s: f64, result: Result<Estimate, Refusal>, line: Option<TrainLine>) {
+        self.measurements.push(Measurement {
+            at_s,
+            result,
+            limited_by: self.limited_by.take(),
+            line,
+            points: Vec::new(),
+        });
+    }
+}
