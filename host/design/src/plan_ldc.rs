@@ -59,9 +59,6 @@ pub struct PlannedBoard {
     /// What releases INTB in the chip. STATUS is read with each frame unless data does
     #[arg(long, value_enum, default_value = "status")]
     pub release: Release,
-    /// Read STATUS with each frame, whatever releases INTB
-    #[arg(long, hide = true)]
-    status: bool,
     /// White noise of the sensor beside quantisation, relative, in 1 ms
     #[arg(long, default_value_t = 0.0, value_parser = noise)]
     pub noise: f32,
@@ -157,7 +154,7 @@ impl PlannedBoard {
             rate: self.rcount.unwrap_or(self.rate),
             bus_hz: self.bus,
             access: BusAccess::FramePerTransaction,
-            status_reads: self.status || release == Release::Status,
+            status_reads: release == Release::Status,
             noise: Noise {
                 white_relative_in_1_ms: self.noise,
                 comparator_duty: None,

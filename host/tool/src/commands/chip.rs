@@ -12,8 +12,8 @@ use ldc161x::{
     Address, Code28, Configuration, Error, Frame, InterruptRelease, Ldc161x, Plan, Quality, Reading,
 };
 use ldc161x_sim::{
-    Bus, Chip, ChipFault, Conversions, Counter, Delay, ExternalClock, FaultEvent, IntbPin, Lost,
-    PartNumber, Sensors, Settings, ShutdownPin, Switches, Time,
+    Bus, Chip, ChipFault, Conversions, Delay, ExternalClock, FaultEvent, IntbPin, Lost, PartNumber,
+    Sensors, Settings, ShutdownPin, Switches, Time,
 };
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
@@ -43,27 +43,15 @@ pub(crate) struct Arguments {
     /// Seed of the simulation: same seed, same bytes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Counter of the simulated chip
-    #[arg(long, value_enum, default_value = "two-gates")]
-    counter: CounterKind,
     /// Switches of the chip as `palpate bring-up` writes them
-    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["release", "counter"])]
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "release")]
     switches: Option<PathBuf>,
     /// A fault, halfway through
     #[arg(long, value_enum)]
     fault: Option<FaultKind>,
-    /// Read every word twice
-    #[arg(long)]
-    twice: bool,
     /// Print JSON lines
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum CounterKind {
-    TwoGates,
-    HalfPeriods,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -90,10 +78,6 @@ impl Arguments {
             interrupt_release: match self.board.release {
                 Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
                 Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
-            },
-            counter: match self.counter {
-                CounterKind::TwoGates => Counter::TwoGates,
-                CounterKind::HalfPeriods => Counter::HalfPeriods,
             },
             ..Switches::default()
         })
@@ -190,7 +174,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ldc161x_sim::InterruptRelease::StatusOnly => Release::Status,
         ldc161x_sim::InterruptRelease::StatusOrData => Release::Data,
     });
-    request.read_twice = arguments.twice;
     request.noise.comparator_duty = Some(COMPARATOR_DUTY);
     let plan = request.plan().map_err(plan_ldc::refused)?;
     let chip = RefCell::new(Chip::new(
@@ -274,11 +257,9 @@ type DriverResult<T> = Result<T, Error<ldc161x_sim::I2cError>>;
 impl<'a> ChipSession<'a> {
     fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments, plan: &Plan) -> Self {
         let bus = || Bus::new(chip, arguments.board.bus).with_deadline(BUS_DEADLINE);
-        let mut driver = Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow);
-        driver.set_read_twice(arguments.twice);
         Self {
             chip,
-            driver,
+            driver: Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow),
             interrupt: IntbPin::new(chip),
             shutdown: ShutdownPin::new(chip),
             delay: Delay::new(chip),

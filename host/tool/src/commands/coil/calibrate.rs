@@ -41,9 +41,6 @@ pub(crate) struct Arguments {
     /// The program that reads the reference. The emulated board's is its true current
     #[arg(long, value_name = "PROGRAM")]
     reference: Option<PathBuf>,
-    /// Relative error of the emulated board's reference
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
-    reference_error: f64,
     /// Greatest current, A. Otherwise the greatest that supply and settings allow
     #[arg(long, value_name = "A")]
     greatest: Option<f64>,
@@ -105,8 +102,8 @@ struct CurrentCalibration<'f> {
 /// Source of the true current.
 enum Reference<'r> {
     Program(&'r Path),
-    /// The emulated circuit, with a relative error.
-    Truth(f64),
+    /// The emulated circuit.
+    Truth,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -133,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         link,
         reference: match &arguments.reference {
             Some(program) if !arguments.link.is_emulated() => Reference::Program(program),
-            _ => Reference::Truth(arguments.reference_error),
+            _ => Reference::Truth,
         },
         ohm: test.resistance_ohm.into(),
     };
@@ -274,7 +271,7 @@ impl CurrentBench<'_> {
         self.link.pass(SETTLE_S)?;
         self.link.take_records();
         let (begin_s, end_s, true_a) = match self.reference {
-            Reference::Truth(error) => self.against_truth(wanted_a, error)?,
+            Reference::Truth => self.against_truth(wanted_a)?,
             Reference::Program(program) => self.against_program(program, wanted_a, patience_s)?,
         };
         let records = self.link.take_records();
@@ -320,7 +317,7 @@ impl CurrentBench<'_> {
         Ok([begin_s, 2.0 * turn_s - begin_s])
     }
 
-    fn against_truth(&mut self, wanted_a: f64, error: f64) -> Result<(f64, f64, f64), Failure> {
+    fn against_truth(&mut self, wanted_a: f64) -> Result<(f64, f64, f64), Failure> {
         let before = truth(&mut self.link);
         let [begin_s, end_s] = self.sweep(wanted_a)?;
         let after = truth(&mut self.link);
@@ -329,7 +326,7 @@ impl CurrentBench<'_> {
         };
         let mean = |of: fn(Truth) -> f64| of(after) - of(before);
         let true_a = mean(|of| of.charge_a_s) / mean(|of| of.time_s);
-        Ok((begin_s, end_s, true_a * (1.0 + error)))
+        Ok((begin_s, end_s, true_a))
     }
 
     /// Sweeps until the reference's program ends.
