@@ -2,30 +2,39 @@
 
 use std::time::Duration;
 
+use palpate_sim::stack::quantity::Allowed;
+
 /// Longest duration, s (31 years): added to the time of any of the tool's clocks, it does not
 /// overflow.
 const LONGEST_S: f64 = 1e9;
 /// Stiffness of the softest and of the stiffest allowed spring, in units of the sensing layer's.
 const LOADS: [f64; 2] = [1e-3, 1e3];
 
-/// Parses a number within limits.
-pub fn between(text: &str, least: f64, most: f64) -> Result<f64, String> {
-    match text.parse() {
+/// Returns a parser of numbers within limits, in a unit; empty for a pure number.
+pub fn within(
+    least: f64,
+    most: f64,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match text.trim().parse() {
         Ok(value) if (least..=most).contains(&value) => Ok(value),
-        _ => Err(format!("allowed is a number from {least} to {most}")),
+        _ => Err(format!(
+            "allowed: {}",
+            Allowed::new(least, most, unit).bounds()
+        )),
     }
 }
 
 /// Parses a number of seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
-    let time_s = between(text, 0.0, LONGEST_S).map_err(|allowed| format!("{allowed} seconds"))?;
+    let time_s = within(0.0, LONGEST_S, "seconds")(text)?;
     Duration::try_from_secs_f64(time_s).map_err(|error| error.to_string())
 }
 
 /// Parses a spring's stiffness as a multiple of the sensing layer's.
 pub fn load(text: &str) -> Result<f64, String> {
     let [least, most] = LOADS;
-    between(text, least, most)
+    within(least, most, "")(text)
 }
 
 /// Parses `40000000`, `40M`, `400k` into a whole number of units.

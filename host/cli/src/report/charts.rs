@@ -110,7 +110,7 @@ fn residuals(line: &TrainLine) -> Chart {
     let points = points.map(|point| (point.time_s, point.residual_m * 1e9));
     let points = Marks::Points(points.collect());
     Chart {
-        title: "What the line leaves".to_owned(),
+        title: "Residuals of the line".to_owned(),
         x: Axis::linear("time since the first ramp, s"),
         y: Axis::linear("residual of x, nm"),
         series: vec![Series::new("residual", BLUE, points)],

@@ -58,7 +58,7 @@ impl Report {
         Ok(document(
             &self.title,
             &html! {
-                h1 { "How stiff is what presses?" }
+                h1 { "Stiffness of the pressed objects" }
                 @for text in &self.about { p { (text) } }
                 @if !self.rows.is_empty() { (self.table()) }
                 @if let Some(text) = &self.summary { p { (text) } }

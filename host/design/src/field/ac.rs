@@ -5,6 +5,7 @@ use std::io::{self, Write};
 
 use clap::Args;
 use palpate_cli::failure::Failure;
+use palpate_cli::quantity::within;
 use palpate_field::design::Design;
 use palpate_field::solve::{AcCoil, AcSolved, Accuracy, solve_ac};
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
     /// Frequencies, Hz, separated by commas
-    #[arg(long, value_name = "HZ", required = true, value_delimiter = ',', value_parser = frequency)]
+    #[arg(long, value_name = "HZ", required = true, value_delimiter = ',', value_parser = within(1e-3, 1e9, "Hz"))]
     frequency: Vec<f64>,
     /// Constant current of the driven coils, A
     #[arg(long, value_name = "A", value_parser = current)]
@@ -51,17 +52,6 @@ pub(super) struct Arguments {
 /// only scales a resonance, which is resolved to 20 bits, and a tenth of a per cent is below the
 /// uncertainty of any material.
 const WIDER: f64 = 10.0;
-
-fn frequency(text: &str) -> Result<f64, String> {
-    let value: f64 = text
-        .parse()
-        .map_err(|_| "allowed: a number of hertz, like 2e6")?;
-    if (1e-3..=1e9).contains(&value) {
-        Ok(value)
-    } else {
-        Err("allowed: 1e-3 to 1e9 Hz".into())
-    }
-}
 
 /// Series inductance and resistance, as a measuring bridge shows them.
 #[derive(Serialize)]

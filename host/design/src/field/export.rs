@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 use palpate_cli::failure::Failure;
 use palpate_cli::output::{OutputFile, distinct};
+use palpate_cli::quantity::within;
 use palpate_field::design::Design;
 use palpate_field::solve::{FieldAt, Locator, Piece, Solved};
 
@@ -46,19 +47,12 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Distance of the grid's points, mm
-    #[arg(long, default_value_t = 0.5, value_name = "MM", value_parser = step)]
+    #[arg(long, default_value_t = 0.5, value_name = "MM", value_parser = within(1e-3, 100.0, "mm"))]
     step: f64,
 }
 
 /// Maximum number of points of a grid: so many are 100 MB of text.
 const MOST_POINTS: f64 = 1e6;
-
-fn step(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
-        _ => Err("allowed: 0.001 to 100 mm".into()),
-    }
-}
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;

@@ -6,6 +6,7 @@ use std::path::Path;
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice::say;
+use palpate_cli::quantity::within;
 use palpate_cli::text;
 use palpate_field::design::{Design, DesignError, builtin_names, builtin_text, vary};
 use palpate_field::geometry::Point;
@@ -39,7 +40,7 @@ pub(super) struct Effort {
     #[arg(long = "set", value_name = "PATH=NUMBER", value_parser = setting)]
     pub(super) settings: Vec<(String, f64)>,
     /// Relative error of centre and core mean to reach
-    #[arg(long, default_value_t = 1e-4, value_parser = accuracy)]
+    #[arg(long, default_value_t = 1e-4, value_parser = within(1e-8, 0.1, ""))]
     accuracy: f64,
     /// Order of the elements, 2 to 5
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=5))]
@@ -64,15 +65,6 @@ impl Effort {
     }
 }
 
-fn accuracy(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "allowed: a number like 1e-4")?;
-    if (1e-8..=0.1).contains(&value) {
-        Ok(value)
-    } else {
-        Err("allowed: 1e-8 to 0.1".into())
-    }
-}
-
 fn setting(text: &str) -> Result<(String, f64), String> {
     let (path, value) = text.split_once('=').ok_or("allowed: PATH=NUMBER")?;
     let value: f64 = value
@@ -84,14 +76,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
 
 /// Parses a positive current, A.
 pub(super) fn current(text: &str) -> Result<f64, String> {
-    let value: f64 = text
-        .parse()
-        .map_err(|_| "allowed: a current in A, like 10")?;
-    if (1e-6..=1e6).contains(&value) {
-        Ok(value)
-    } else {
-        Err("allowed: 1e-6 to 1e6 A".into())
-    }
+    within(1e-6, 1e6, "A")(text)
 }
 
 /// Returns name and text of a design.

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 
 use clap::Args;
 use palpate_cli::failure::Failure;
+use palpate_cli::quantity::within;
 use palpate_field::material::Material;
 use palpate_sim::sensing_coil::integral::{CoilIntegral, LEAST_GAP_M};
 use palpate_sim::sensing_coil::{CoilDesign, Sides};
@@ -21,7 +22,7 @@ Example:
   palpate field sensing --gap 0.2,0.5,1,2 --turns 20 --track 0.12")]
 pub(super) struct Arguments {
     /// Gaps between coil and slabs, mm, separated by commas
-    #[arg(long, value_name = "MM", value_delimiter = ',', default_values_t = [0.2, 0.5, 1.0, 1.5, 2.0, 3.0], value_parser = gap)]
+    #[arg(long, value_name = "MM", value_delimiter = ',', default_values_t = [0.2, 0.5, 1.0, 1.5, 2.0, 3.0], value_parser = within(1e3 * LEAST_GAP_M, 3.0, "mm"))]
     gap: Vec<f64>,
     /// Outer diameter, mm
     #[arg(long, value_name = "MM", default_value_t = 14.0)]
@@ -45,27 +46,11 @@ pub(super) struct Arguments {
     #[arg(long)]
     one_side: bool,
     /// Capacitance of the tank, pF
-    #[arg(long, value_name = "PF", default_value_t = 330.0, value_parser = capacitance)]
+    #[arg(long, value_name = "PF", default_value_t = 330.0, value_parser = within(1.0, 1e6, "pF"))]
     capacitance: f64,
     /// Print JSON
     #[arg(long)]
     json: bool,
-}
-
-fn gap(text: &str) -> Result<f64, String> {
-    within(text, [1e3 * LEAST_GAP_M, 3.0], "mm")
-}
-
-fn capacitance(text: &str) -> Result<f64, String> {
-    within(text, [1.0, 1e6], "pF")
-}
-
-fn within(text: &str, [low, high]: [f64; 2], unit: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|value| (low..=high).contains(value));
-    value.ok_or_else(|| format!("allowed: {low} to {high} {unit}"))
 }
 
 /// Result at one gap.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
+use palpate_cli::quantity::within;
 use palpate_field::design::Design;
 use palpate_field::heat::HeatCapacity;
 use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
@@ -59,10 +60,7 @@ pub(super) struct Arguments {
 }
 
 fn millimetres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.01..=1000.0).contains(&value) => Ok(value),
-        _ => Err("allowed: 0.01 to 1000 mm".into()),
-    }
+    within(0.01, 1000.0, "mm")(text)
 }
 
 /// Default distance of the sensing coil from the top of the design, mm.

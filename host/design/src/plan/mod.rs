@@ -31,7 +31,7 @@ use self::search::{TrainLimit, TrainSearch};
 pub use self::sensor::{PlannedSensor, metres_per_relative_frequency};
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
-use palpate_cli::quantity::between;
+use palpate_cli::quantity::within;
 
 /// Default depth of the press, in units of the working depth.
 const DEPTH: f64 = 1.0;
@@ -60,19 +60,19 @@ pub struct Arguments {
     #[arg(value_name = "STACK")]
     stack: String,
     /// How deep the load is pressed, in units of the depth that the sensor is made for
-    #[arg(long, default_value_t = DEPTH, value_parser = |text: &str| between(text, 0.1, 2.0))]
+    #[arg(long, default_value_t = DEPTH, value_parser = within(0.1, 2.0, ""))]
     depth: f64,
     /// The softest load, in units of c_S
-    #[arg(long, default_value_t = 0.1, value_name = "RATIO", value_parser = |text: &str| between(text, 0.01, 1e3))]
+    #[arg(long, default_value_t = 0.1, value_name = "RATIO", value_parser = within(0.01, 1e3, ""))]
     load_from: f64,
     /// The hardest load, in units of c_S
-    #[arg(long, default_value_t = 10.0, value_name = "RATIO", value_parser = |text: &str| between(text, 0.01, 1e3))]
+    #[arg(long, default_value_t = 10.0, value_name = "RATIO", value_parser = within(0.01, 1e3, ""))]
     load_to: f64,
     /// Temperature away from the bench's, K; 2.9 is the root mean square of up to 5
-    #[arg(long, default_value_t = AWAY_K, value_name = "KELVIN", value_parser = |text: &str| between(text, 0.0, 100.0))]
+    #[arg(long, default_value_t = AWAY_K, value_name = "KELVIN", value_parser = within(0.0, 100.0, "K"))]
     away: f64,
     /// How long the load stays pressed for a train, s
-    #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = |text: &str| between(text, 0.1, 20.0))]
+    #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = within(0.1, 20.0, "s"))]
     contact: f64,
     /// One JSON object
     #[arg(long)]

@@ -6,4 +6,4 @@ mod native;
 mod tests;
 
 pub use self::gauges::{GaugeReading, bench_sample};
-pub use self::native::{NativeBench, mean_bare, specimen};
+pub use self::native::{NativeBench, mean_bare, press, specimen};

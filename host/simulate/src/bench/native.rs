@@ -12,6 +12,7 @@ use palpate_sim::parameters::Parameters;
 use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
+use palpate_sim::world::World;
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Message, Record};
 
@@ -91,6 +92,13 @@ pub const fn specimen(pressed: Pressed) -> Specimen {
     }
 }
 
+/// Moves the stage to this depth of the sensing layer. Returns how long that takes.
+pub fn press(world: &mut World, depth_m: f64, speed_m_per_s: f64) -> Duration {
+    let travel_m = world.press_for_depth_m(depth_m);
+    world.move_press(travel_m, speed_m_per_s);
+    Duration::from_secs_f64((travel_m + CLEARANCE_M) / speed_m_per_s)
+}
+
 /// The native board during a run.
 struct NativeInstrument<'w> {
     board: NativeBoard<'w>,
@@ -150,10 +158,6 @@ impl Instrument for NativeInstrument<'_> {
 
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
         let mut world = self.wiring.world().borrow_mut();
-        let travel_m = world.press_for_depth_m(depth_m);
-        world.move_press(travel_m, speed_m_per_s);
-        Ok(Duration::from_secs_f64(
-            (travel_m + CLEARANCE_M) / speed_m_per_s,
-        ))
+        Ok(press(&mut world, depth_m, speed_m_per_s))
     }
 }

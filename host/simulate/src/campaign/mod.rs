@@ -26,6 +26,7 @@ use self::press::{PlantResult, Press};
 use self::rows::Rows;
 pub use self::rows::WriteParquet;
 use palpate_cli::evidence::{BEGIN, END};
+use palpate_cli::quantity::within;
 
 use self::world::World;
 use crate::instrument::{CalibratedInstrument, default_settings};
@@ -59,7 +60,7 @@ pub struct Arguments {
     stack: String,
     /// How deep the loads are pressed, in units of the depth that the sensor was drawn for; the
     /// bench presses 0.6 to 1.4 deep
-    #[arg(long, default_value_t = 1.0, value_parser = depth)]
+    #[arg(long, default_value_t = 1.0, value_parser = within(0.1, 2.0, ""))]
     depth: f64,
     /// The loads, in units of c_S, or `block`
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.5,1,2,5", value_parser = load)]
@@ -112,19 +113,11 @@ impl Arguments {
     }
 }
 
-fn depth(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(depth) if (0.1..=2.0).contains(&depth) => Ok(depth),
-        _ => Err("not a number from 0.1 to 2".to_owned()),
-    }
-}
-
 fn load(text: &str) -> Result<f64, String> {
-    match (text, text.parse()) {
-        ("block", _) => Ok(f64::INFINITY),
-        (_, Ok(ratio)) if (0.01..=1e3).contains(&ratio) => Ok(ratio),
-        _ => Err("neither a number from 0.01 to 1000 nor `block`".to_owned()),
+    if text == "block" {
+        return Ok(f64::INFINITY);
     }
+    within(0.01, 1e3, "")(text).map_err(|allowed| format!("{allowed}, or block"))
 }
 
 /// Smallest coverage that is compatible with intervals of 95 %: 95 % less three standard deviations

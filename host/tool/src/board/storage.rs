@@ -37,6 +37,14 @@ pub(crate) fn store(link: &mut Link) -> Result<Storage, Failure> {
     ))
 }
 
+/// Stores the configuration in force if that is asked for. Returns the state of the storage.
+///
+/// # Errors
+/// If the board is gone, refuses it, or could not store it.
+pub(crate) fn store_if(asked: bool, link: &mut Link) -> Result<Storage, Failure> {
+    if asked { store(link) } else { inspect(link) }
+}
+
 /// Erases the storage. The configuration in force stays until the board restarts.
 ///
 /// # Errors

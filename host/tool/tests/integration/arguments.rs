@@ -22,7 +22,7 @@ fn durations_and_factors_that_cannot_be_are_refused() {
         (&["record", "--load"], "0.001 to 1000", true),
         (&["check", "--load"], "0.001 to 1000", true),
         (&["serve-emulated", "--press"], "0.001 to 1000", false),
-        (&["watch", "--speed"], "0.001 to 1000000", true),
+        (&["watch", "--speed"], "0.001 to 1e6", true),
     ];
     for (verb, allowed, has_board) in verbs {
         for value in ["nan", "inf", "-1", "1e300", "1e20", "x", ""] {

@@ -58,7 +58,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
         "of the interval is by",
         "Frequency",
         "Line of all ramps",
-        "What the line leaves",
+        "Residuals of the line",
         "none is missing",
     ] {
         assert!(page.contains(part), "{part}");

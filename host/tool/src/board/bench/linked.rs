@@ -8,12 +8,11 @@ use palpate_calibration::bench::{Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::failure::Failure;
 use palpate_sim::parameters::Parameters;
-use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, RigReading};
+use palpate_sim::rig::{BareRig, Gauges, Rig, RigReading};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::World;
-use palpate_simulate::bench::{GaugeReading, bench_sample};
-use palpate_simulate::bench::{mean_bare, specimen};
+use palpate_simulate::bench::{GaugeReading, bench_sample, mean_bare, press, specimen};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
@@ -154,12 +153,7 @@ impl Instrument for LinkedInstrument<'_> {
     }
 
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
-        let world = self.world()?;
-        let travel_m = world.press_for_depth_m(depth_m);
-        world.move_press(travel_m, speed_m_per_s);
-        Ok(Duration::from_secs_f64(
-            (travel_m + CLEARANCE_M) / speed_m_per_s,
-        ))
+        Ok(press(self.world()?, depth_m, speed_m_per_s))
     }
 }
 

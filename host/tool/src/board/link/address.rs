@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::finding::Finding;
-use palpate_cli::quantity::between;
+use palpate_cli::quantity::within;
 use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::Stack;
 
@@ -52,8 +52,7 @@ fn speed(text: &str) -> Result<Speed, String> {
     if text == "max" {
         return Ok(Speed::AsFastAsPossible);
     }
-    let times = between(text, SLOWEST, FASTEST);
-    times
+    within(SLOWEST, FASTEST, "")(text)
         .map(Speed::Times)
         .map_err(|allowed| format!("{allowed}, or max"))
 }

@@ -22,6 +22,7 @@ use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 use palpate_cli::output::{OutputFile, distinct};
 use palpate_cli::progress::Progress;
+use palpate_cli::quantity::within;
 use palpate_simulate::instrument::{BenchTask, default_settings};
 
 use super::{report, written};
@@ -80,11 +81,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.json")]
     other_session: Option<PathBuf>,
     /// Temperature of the emulated board's bench above its first one, K
-    #[arg(long, value_name = "KELVIN", default_value_t = 0.0, value_parser = warmer, allow_negative_numbers = true)]
+    #[arg(long, value_name = "KELVIN", default_value_t = 0.0, value_parser = within(-50.0, 50.0, "K"), allow_negative_numbers = true)]
     warmer_k: f64,
-    /// Number of the calibration, which the board reports. Otherwise the seconds since 1970
-    #[arg(long, value_name = "NUMBER")]
-    id: Option<u32>,
     /// Store without asking
     #[arg(long)]
     yes: bool,
@@ -96,27 +94,14 @@ pub(crate) struct Arguments {
     report: Option<PathBuf>,
 }
 
+/// Stiffness of a spring, N/m, from a rubber band to a steel beam.
 pub(crate) fn spring(text: &str) -> Result<f64, String> {
-    match text.trim().parse() {
-        // Range from a rubber band to a steel beam.
-        Ok(n_per_m) if (1.0..=1e7).contains(&n_per_m) => Ok(n_per_m),
-        _ => Err("not a stiffness in N/m, 1 to 10000000".to_owned()),
-    }
+    within(1.0, 1e7, "N/m")(text)
 }
 
+/// Relative tolerance.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(part) if (0.0..=0.2).contains(&part) => Ok(part),
-        _ => Err("not a part from 0 to 0.2, as 0.01 for 1 %".to_owned()),
-    }
-}
-
-fn warmer(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        // Range of the simulated sensor.
-        Ok(kelvin) if (-50.0..=50.0).contains(&kelvin) => Ok(kelvin),
-        _ => Err("not a difference of -50 to 50 K".to_owned()),
-    }
+    within(0.0, 0.2, "as a part: 0.01 is 1 %")(text)
 }
 
 impl Arguments {
@@ -267,7 +252,7 @@ fn calibrated(
     };
     let calibration =
         calibration.map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-    let identity = identity(arguments.id, session.temperature_c);
+    let identity = identity(None, session.temperature_c);
     let is_simulated = arguments.link.is_simulated(link);
     let mut found = CalibrationFigures::of(&session, &task, &calibration, &identity, is_simulated);
     if let Some(file) = &files.report {

@@ -3,7 +3,7 @@
 mod port;
 mod rig;
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::thread;
 use std::time::Duration;
 
@@ -89,6 +89,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let end = arguments.duration;
     let end = end.map(|duration| Time::from_secs_f64(duration.as_secs_f64()));
     serve(&mut served, &mut port, rig.as_mut(), end)
+}
+
+/// Listens at an address, which an argument names. A call of the listener does not wait.
+fn listen(address: SocketAddr, argument: &str) -> Result<TcpListener, Failure> {
+    let listening = TcpListener::bind(address).and_then(|listener| {
+        listener.set_nonblocking(true)?;
+        Ok(listener)
+    });
+    listening.map_err(|error| {
+        Failure::Refused(format!(
+            "{address} cannot be listened on: {error}; name another with {argument}"
+        ))
+    })
+}
+
+/// Address of a port; with port 0 the system chose the number.
+fn address_of(listener: &TcpListener) -> String {
+    let address = listener.local_addr();
+    address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
 }
 
 fn serve(

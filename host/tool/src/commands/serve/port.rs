@@ -7,6 +7,7 @@ use std::time::Duration;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 
+use super::{address_of, listen};
 use crate::board::link::BUSY;
 
 /// Time without any reading after which a program counts as gone.
@@ -37,25 +38,17 @@ pub(super) struct Port {
 
 impl Port {
     pub(super) fn listen(address: SocketAddr) -> Result<Self, Failure> {
-        let refused = |error: std::io::Error| {
-            Failure::Refused(format!(
-                "{address} cannot be listened on: {error}; name another with --listen"
-            ))
-        };
-        let listener = TcpListener::bind(address).map_err(refused)?;
-        listener.set_nonblocking(true).map_err(refused)?;
         Ok(Self {
-            listener,
+            listener: listen(address, "--listen")?,
             program: None,
             opening: None,
             waiting: Vec::new(),
         })
     }
 
-    /// Address of the port; with port 0 the system chose the number.
+    /// Address of the port.
     pub(super) fn address(&self) -> String {
-        let address = self.listener.local_addr();
-        address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
+        address_of(&self.listener)
     }
 
     /// Accepts a program, or rejects it. Returns whether a program is connected.

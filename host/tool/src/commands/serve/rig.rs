@@ -14,6 +14,7 @@ use palpate_sim::parameters::Parameters;
 use palpate_sim::rig::{BareRig, Gauges, Rig, RigReading, Specimen};
 use palpate_sim::switches::Switches;
 
+use super::{address_of, listen};
 use crate::board::emulated::PluggedBoard;
 
 /// Interval between two readings of a gauge.
@@ -66,16 +67,9 @@ enum Kind {
 impl RigPort {
     /// Listens for the gauge programs of a plant's bench, without contact.
     pub(super) fn listen(address: SocketAddr, plant: Parameters) -> Result<Self, Failure> {
-        let refused = |error: std::io::Error| {
-            Failure::Refused(format!(
-                "{address} cannot be listened on: {error}; name another with --rig"
-            ))
-        };
-        let listener = TcpListener::bind(address).map_err(refused)?;
-        listener.set_nonblocking(true).map_err(refused)?;
         let (_, gauges) = Rig::new(&plant, Switches::all(), Specimen::Block)?.into_parts();
         Ok(Self {
-            listener,
+            listener: listen(address, "--rig")?,
             programs: Vec::new(),
             plant,
             bench: MountedBench::Sensor(Box::new(gauges)),
@@ -86,8 +80,7 @@ impl RigPort {
 
     /// Address of the port.
     pub(super) fn address(&self) -> String {
-        let address = self.listener.local_addr();
-        address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
+        address_of(&self.listener)
     }
 
     /// Handles the programs' commands, and sends the due lines.

@@ -59,11 +59,7 @@ pub(super) fn import(
         let _ = link.ask(&Command::Load);
         return Err(failure);
     }
-    let storage = if store {
-        storage::store(&mut link)?
-    } else {
-        storage::inspect(&mut link)?
-    };
+    let storage = storage::store_if(store, &mut link)?;
     let line = SettingsFileLine {
         simulated: board.is_simulated(&link),
         file: file.display().to_string(),

@@ -206,11 +206,7 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
     let done = link.must(&Command::SetSettings(after.clone()));
     done.map_err(|failure| with_names(failure, &arguments.assignments))?;
-    let storage = if arguments.store {
-        storage::store(&mut link)?
-    } else {
-        storage::inspect(&mut link)?
-    };
+    let storage = storage::store_if(arguments.store, &mut link)?;
     let mut out = io::stdout().lock();
     if arguments.json {
         let line = SettingsLine {
