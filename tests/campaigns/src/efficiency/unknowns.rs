@@ -69,7 +69,8 @@ const FRAME_M_PER_N: f64 = 1e-6 / 20.0 / 1.414;
 pub(super) fn unknowns(stack: &Stack, disturbances: &Disturbances) -> Vec<Unknown> {
     let d = disturbances;
     let law = &d.magnetorheological;
-    let [fast, mid, slow] = &d.creep.tau_s;
+    let creep = &d.creep;
+    let (fast, mid, slow) = (&creep.tau_fast_s, &creep.tau_mid_s, &creep.tau_slow_s);
     let amplitude = &d.creep.amplitude;
     let frame = Quantity::Uniform {
         min: -FRAME_M_PER_N * 3_f64.sqrt(),
