@@ -21,9 +21,10 @@ use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Holder, Setup, World as SimulatedWorld};
 use palpate_simulate::campaign::counted::Counted;
+use palpate_simulate::campaign::coverage::Coverage;
 use palpate_simulate::campaign::press::{Claim, Press};
 use palpate_simulate::campaign::world::World;
-use palpate_simulate::campaign::{counts_of_reasons, least_honest, percent, without_estimate};
+use palpate_simulate::campaign::{counts_of_reasons, percent, without_estimate};
 use palpate_simulate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use palpate_simulate::press::{CLEARANCE_M, automatic};
 use palpate_wire::code::{Contact, RefusalReason, State};
@@ -307,6 +308,7 @@ impl Row<'_> {
         let press = |outcome| Press {
             world: World::Calibrated,
             ratio,
+            true_ratio: true_n_per_m / instrument.plant.sensing.spring_n_per_m,
             true_n_per_m,
             outcome,
         };
@@ -405,7 +407,7 @@ pub(crate) fn run(Arguments { drawn, presses }: &Arguments) -> Result<(), Failur
     progress.finish();
     let result = SeriesResult::of(drawn, &stack.name, *presses, not_calibrated, &all);
     result.print(drawn.json, &all)?;
-    result.judge(all.len())
+    result.judge(&all)
 }
 
 fn of_sensor(
@@ -521,29 +523,23 @@ impl SeriesResult {
         table
     }
 
-    /// Fails for any forbidden result, and where the coverage of the intervals is below their
-    /// level.
-    fn judge(&self, sensors: usize) -> Result<(), Failure> {
+    /// Fails for any forbidden result, and where the coverage of the intervals is below 95 %.
+    fn judge(&self, all: &[Series]) -> Result<(), Failure> {
         if !self.found.is_none() {
             return Err(Failure::Refused(format!("{:?}", self.found)));
         }
-        let least = least_honest(sensors);
-        for (name, counted) in [
-            ("later", &self.later),
-            ("long held", &self.after_a_long_hold),
-        ] {
-            if counted.coverage95.is_none_or(|part| part < least) {
-                return Err(Failure::Refused(format!(
-                    "{} of {} intervals of {name} presses contain the truth, fewer than the {:.0} % that {sensors} sensors come to \
-                     at least",
-                    counted.covered(),
-                    counted.accepted,
-                    least * 100.0
-                )));
-            }
-        }
-        Ok(())
+        let later = coverage(all, |series| series.presses.get(1..).unwrap_or_default());
+        later.required("later presses")?;
+        coverage(all, |series| &series.held).required("long held presses")
     }
+}
+
+/// Coverage of presses, with the sensors as units.
+fn coverage(all: &[Series], presses: fn(&Series) -> &[Press]) -> Coverage {
+    Coverage::of(all.iter().map(|series| {
+        let counted = Counted::of(presses(series).iter());
+        (counted.covered(), counted.accepted)
+    }))
 }
 
 #[cfg(test)]

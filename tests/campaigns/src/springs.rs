@@ -17,7 +17,7 @@ use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_simulate::campaign::counted::quantile;
-use palpate_simulate::campaign::least_honest;
+use palpate_simulate::campaign::coverage::{Coverage, Verdict};
 use palpate_simulate::demo;
 use palpate_simulate::engine::Native;
 use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
@@ -158,13 +158,16 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
     for (way, name) in WAYS.iter().enumerate() {
         let rows = plants.iter().filter_map(|plant| plant.ways.get(way));
         let failed = rows.clone().filter(|row| row.is_err()).count();
-        let (covered, all) = rows
+        let counts = rows
             .flatten()
-            .map(|row| palpate_simulate::results::covered(row))
-            .fold((0, 0), |(covered, all), (of, count)| {
-                (covered + of, all + count)
-            });
-        hold &= all > 0 && covered as f64 >= all as f64 * least_honest(plants.len());
+            .map(|row| palpate_simulate::results::covered(row));
+        let coverage = Coverage::of(counts);
+        let Coverage {
+            covered,
+            intervals: all,
+            ..
+        } = coverage;
+        hold &= all > 0 && coverage.verdict() != Verdict::Fail;
         ways.push(format!(
             "{covered} of {all} ({name}, {failed} sensors not calibrated)"
         ));
@@ -187,7 +190,7 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Refused(
-        "fewer of the intervals of 95 % cover the truth than such intervals would, or good data are refused"
+        "the intervals of 95 % cover the truth less often than that, or good data are refused"
             .to_owned(),
     ))
 }

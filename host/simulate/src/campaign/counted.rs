@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::coverage::Coverage;
 use super::press::{Claim, Press};
 
 /// An estimate is falsely confident if its error exceeds this number of its own standard errors,
@@ -20,13 +21,19 @@ pub struct Counted {
     pub rms_ln: Option<f64>,
     /// Mean error.
     pub bias_ln: Option<f64>,
+    /// Median of the true c_L/c_S: load and what it stands on.
+    pub true_ratio: Option<f64>,
     /// Part of the intervals that contain the truth.
     pub coverage95: Option<f64>,
+    /// Root of the mean square of the errors of c_S/c_L over their own standard errors: 1 if these
+    /// are of the right size.
+    pub rms_over_standard_error: Option<f64>,
+    /// Mean interval score, in ln: the interval's width, and forty times the distance of a truth
+    /// outside from the interval (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007, eq. 43). The
+    /// smaller, the better.
+    pub interval_score_ln: Option<f64>,
     /// Half of the intervals' median width, in ln.
     pub half_width_ln: Option<f64>,
-    /// Median half-width of the intervals, over the half-width that contains 95 % of all errors:
-    /// intervals of that one width are the narrowest that have the stated coverage.
-    pub width_over_oracle: Option<f64>,
     /// Part of the estimates with an error above four of their own standard errors and above 5 %.
     pub false_confidence: Option<f64>,
     /// Root of the mean square error of the two-state formula, from rest and peak alone.
@@ -55,9 +62,16 @@ impl Counted {
             .iter()
             .filter_map(|(_, claim)| claim.half_width_ln())
             .collect();
-        let sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
+        let scores: Vec<f64> = claims
+            .iter()
+            .filter_map(|(press, claim)| claim.score_ln(press.true_n_per_m))
+            .collect();
+        let ratios: Vec<f64> = claims.iter().map(|(press, _)| press.true_ratio).collect();
+        let standardised: Vec<f64> = claims
+            .iter()
+            .filter_map(|(press, claim)| standard_errors(press, claim))
+            .collect();
         let half_width_ln = quantile(&widths, 0.5);
-        let oracle = quantile(&sizes, 0.95);
         let part = |is: &dyn Fn(&Press, &Claim) -> bool| {
             let count = claims.iter().filter(|(press, claim)| is(press, claim));
             (!claims.is_empty()).then(|| count.count() as f64 / claims.len() as f64)
@@ -67,11 +81,11 @@ impl Counted {
             refused,
             rms_ln: root_mean_square(&errors),
             bias_ln: mean(&errors),
+            true_ratio: quantile(&ratios, 0.5),
             coverage95: part(&|press, claim| claim.holds(press.true_n_per_m)),
+            rms_over_standard_error: root_mean_square(&standardised),
+            interval_score_ln: mean(&scores),
             half_width_ln,
-            width_over_oracle: half_width_ln
-                .zip(oracle)
-                .map(|(width, oracle)| width / oracle),
             false_confidence: part(&|press, claim| is_falsely_confident(press, claim)),
             plain_rms_ln: root_mean_square(&plain),
         }
@@ -87,19 +101,29 @@ impl Counted {
         self.of_accepted(self.false_confidence)
     }
 
+    /// Coverage of the presses of one load, one press a sensor, with its bounds.
+    pub fn coverage(&self) -> Coverage {
+        let covered = self.covered();
+        Coverage::of((0..self.accepted).map(|index| (usize::from(index < covered), 1)))
+    }
+
     fn of_accepted(&self, part: Option<f64>) -> usize {
         (part.unwrap_or(0.0) * self.accepted as f64).round() as usize
     }
 }
 
 fn is_falsely_confident(press: &Press, claim: &Claim) -> bool {
-    let Some(estimate_n_per_m) = claim.estimate_n_per_m else {
+    let Some(standard_errors) = standard_errors(press, claim) else {
         return !claim.holds(press.true_n_per_m);
     };
-    let of_true = estimate_n_per_m / press.true_n_per_m;
-    let standard_errors = claim.load_ratio * (1.0 - of_true) / claim.load_ratio_standard_error;
-    standard_errors.abs() > STANDARD_ERRORS
-        && (press.true_n_per_m == f64::INFINITY || of_true.ln().abs() > BEYOND)
+    let error_ln = claim.estimate_n_per_m.and_then(|of| press.error_ln(of));
+    standard_errors.abs() > STANDARD_ERRORS && error_ln.is_none_or(|error| error.abs() > BEYOND)
+}
+
+/// Error of c_S/c_L over its own standard error; `None` where there is only a lower bound.
+fn standard_errors(press: &Press, claim: &Claim) -> Option<f64> {
+    let of_true = claim.estimate_n_per_m? / press.true_n_per_m;
+    Some(claim.load_ratio * (1.0 - of_true) / claim.load_ratio_standard_error)
 }
 
 fn mean(values: &[f64]) -> Option<f64> {
@@ -131,6 +155,7 @@ mod tests {
         Press {
             world: World::Calibrated,
             ratio: 1.0,
+            true_ratio: 0.9,
             true_n_per_m: 1e3,
             outcome: Ok(Claim {
                 estimate_n_per_m: Some(estimate_n_per_m),
@@ -163,8 +188,19 @@ mod tests {
                 "{value:?} {expected}"
             );
         };
+        near(counted.true_ratio, 0.9);
         near(counted.half_width_ln, 1.02_f64.ln());
-        near(counted.width_over_oracle, 1.02_f64.ln() / 1.1_f64.ln());
+        // Each press is as many standard errors off as its error in per cent.
+        near(
+            counted.rms_over_standard_error,
+            ((1.0 + 1.0 + 9.0 + 100.0) / 4.0_f64).sqrt(),
+        );
+        // 3 % and 10 % are beyond the interval's lower end.
+        let beyond = (1.03_f64 / 1.02).ln() + (1.1_f64 / 1.02).ln();
+        near(
+            counted.interval_score_ln,
+            2.0 * 1.02_f64.ln() + 40.0 * beyond / 4.0,
+        );
         near(counted.plain_rms_ln, 2_f64.ln());
         let errors = [1.01, 0.99, 1.03, 1.1].map(f64::ln);
         near(counted.bias_ln, errors.iter().sum::<f64>() / 4.0);

@@ -26,6 +26,8 @@ pub struct Press {
     pub world: World,
     /// c_L/c_S; infinite for a block.
     pub ratio: f64,
+    /// Stiffness of the load with its support over the sensor's c_S; infinite for a rigid one.
+    pub true_ratio: f64,
     /// Stiffness of the load with its support, N/m.
     pub true_n_per_m: f64,
     /// The instrument's claim, or its reason for a refusal.
@@ -191,6 +193,7 @@ impl Press {
         Ok(Self {
             world,
             ratio,
+            true_ratio: pressed.true_n_per_m / calibrated.plant.sensing.spring_n_per_m,
             true_n_per_m: pressed.true_n_per_m,
             outcome: verdict
                 .estimate()
@@ -204,6 +207,7 @@ impl Press {
         Self {
             world,
             ratio,
+            true_ratio: f64::NAN,
             true_n_per_m: f64::NAN,
             outcome: Err(reason),
         }
@@ -254,5 +258,17 @@ impl Claim {
     /// Half of the interval's width, in ln; `None` for an interval without an upper end.
     pub fn half_width_ln(&self) -> Option<f64> {
         Some(0.5 * (self.upper_n_per_m? / self.lower_n_per_m).ln())
+    }
+
+    /// Interval score, in ln; `None` for an interval without an upper end.
+    pub fn score_ln(&self, true_n_per_m: f64) -> Option<f64> {
+        /// Two over the part of the truths that an interval of 95 % leaves out.
+        const OUTSIDE: f64 = 40.0;
+        let (below, above) = (
+            (self.lower_n_per_m / true_n_per_m).ln(),
+            (true_n_per_m / self.upper_n_per_m?).ln(),
+        );
+        let score = 2.0 * self.half_width_ln()? + OUTSIDE * below.max(above).max(0.0);
+        score.is_finite().then_some(score)
     }
 }

@@ -1,0 +1,240 @@
+//! How many intervals contain the truth, and what that says of intervals of 95 %.
+
+use palpate_cli::failure::Failure;
+use serde::Serialize;
+
+/// Intervals of many sensors that contain the truth. The presses of one sensor share its
+/// calibration, and so hold or miss together: sensors are the units.
+///
+/// The bounds are those of Clopper and Pearson (Biometrika 26, 1934, p. 404), exact for one press of
+/// each sensor. For several of each the number of presses is replaced by the number of independent
+/// ones that scatter alike (Korn and Graubard, Survey Methodology 24, 1998, p. 193).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Intervals that contain the truth.
+    pub covered: usize,
+    /// All intervals.
+    pub intervals: usize,
+    /// Lower end of the 95 % interval of the part that contains the truth.
+    pub lower: f64,
+    /// Its upper end.
+    pub upper: f64,
+}
+
+/// What a campaign says of intervals of 95 %. The rule is fixed before a campaign runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The lower bound of the coverage is at least 92 %.
+    Pass,
+    /// The upper bound of the coverage is below 95 %.
+    Fail,
+    /// Neither: the sensors are too few.
+    Undecided,
+}
+
+/// Least lower bound of the coverage of intervals that pass.
+const PASSES_FROM: f64 = 0.92;
+/// Stated coverage of the intervals.
+const STATED: f64 = 0.95;
+/// Probability that is left out at each end of the bounds.
+const EACH_END: f64 = 0.025;
+
+impl Coverage {
+    /// Computes the coverage of sensors, each given by its covered intervals and all of its
+    /// intervals.
+    pub fn of(sensors: impl IntoIterator<Item = (usize, usize)>) -> Self {
+        let sensors = sensors.into_iter().filter(|(_, intervals)| *intervals > 0);
+        let sensors: Vec<(usize, usize)> = sensors.collect();
+        let sum = |of: fn(&(usize, usize)) -> usize| sensors.iter().map(of).sum::<usize>();
+        let (covered, intervals) = (sum(|of| of.0), sum(|of| of.1));
+        if intervals == 0 {
+            return Self::default();
+        }
+        let part = covered as f64 / intervals as f64;
+        let independent = independent(&sensors, part);
+        let (holding, missing) = (part * independent, (1.0 - part) * independent);
+        Self {
+            covered,
+            intervals,
+            lower: if covered == 0 {
+                0.0
+            } else {
+                beta_quantile(holding, missing + 1.0, EACH_END)
+            },
+            upper: if covered == intervals {
+                1.0
+            } else {
+                beta_quantile(holding + 1.0, missing, 1.0 - EACH_END)
+            },
+        }
+    }
+
+    /// Judges the intervals.
+    pub fn verdict(&self) -> Verdict {
+        if self.intervals > 0 && self.upper < STATED {
+            Verdict::Fail
+        } else if self.lower >= PASSES_FROM {
+            Verdict::Pass
+        } else {
+            Verdict::Undecided
+        }
+    }
+
+    /// Checks that intervals, named by `of`, do not fail.
+    ///
+    /// # Errors
+    /// The coverage with its bounds.
+    pub fn required(&self, of: &str) -> Result<(), Failure> {
+        if self.verdict() != Verdict::Fail {
+            return Ok(());
+        }
+        Err(Failure::Refused(format!(
+            "{of}: {} of {} intervals of 95 % contain the truth; with 95 % confidence these are {:.1} % to {:.1} % of all such intervals",
+            self.covered,
+            self.intervals,
+            self.lower * 100.0,
+            self.upper * 100.0
+        )))
+    }
+}
+
+impl Verdict {
+    /// The verdict in a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Undecided => "undecided",
+        }
+    }
+}
+
+/// Number of independent presses whose covered part scatters as that of these sensors does, at most
+/// the number of presses. Where all hold or all miss, nothing scatters, and sensors count once.
+fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
+    let count = sensors.len() as f64;
+    let intervals = sensors.iter().map(|of| of.1).sum::<usize>() as f64;
+    let deviations = sensors.iter().map(|(covered, intervals)| {
+        let deviation = *covered as f64 - part * *intervals as f64;
+        deviation * deviation
+    });
+    let variance =
+        deviations.sum::<f64>() / (intervals * intervals) * count / (count - 1.0).max(1.0);
+    let of_part = part * (1.0 - part);
+    if of_part == 0.0 || variance == 0.0 {
+        return count;
+    }
+    (of_part / variance).min(intervals)
+}
+
+/// The x below which the beta distribution has the probability `below`, by bisection; `a` and `b`
+/// above zero.
+fn beta_quantile(a: f64, b: f64, below: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    // Fifty halvings leave 1e-15.
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if beta_probability(a, b, middle) < below {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Regularised incomplete beta function: the probability below `x`.
+fn beta_probability(a: f64, b: f64, x: f64) -> f64 {
+    // The fraction converges fast below the mean; above, the function is that of 1 - x.
+    if x > (a + 1.0) / (a + b + 2.0) {
+        return 1.0 - beta_probability(b, a, 1.0 - x);
+    }
+    let logarithm =
+        libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b) + a * x.ln() + b * (-x).ln_1p();
+    logarithm.exp() / (a * continued_fraction(a, b, x))
+}
+
+/// Continued fraction of the incomplete beta function (DLMF 8.17.22), from its last term to its
+/// first.
+fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
+    /// Terms that leave an error of less than 1e-12 for 100,000 presses.
+    const TERMS: u32 = 1_000;
+    (1..=TERMS).rev().fold(1.0, |fraction, term| {
+        let m = f64::from(term / 2);
+        let numerator = if term % 2 == 0 {
+            m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m))
+        } else {
+            -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0))
+        };
+        1.0 + numerator / fraction
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn once(covered: usize, missed: usize) -> Coverage {
+        Coverage::of(
+            [(1, 1)]
+                .repeat(covered)
+                .into_iter()
+                .chain([(0, 1)].repeat(missed)),
+        )
+    }
+
+    /// Sums of the binomial distribution, as Clopper and Pearson define their bounds.
+    #[test]
+    fn the_bounds_of_one_press_a_sensor_are_those_of_the_binomial_distribution() {
+        let at_most = |k: usize, n: usize, p: f64| {
+            let mut term = (1.0 - p).powi(i32::try_from(n).unwrap());
+            let mut sum = term;
+            for i in 0..k {
+                term *= (n - i) as f64 / (i + 1) as f64 * p / (1.0 - p);
+                sum += term;
+            }
+            sum
+        };
+        for (covered, all) in [(1, 10), (9, 10), (57, 60), (190, 200), (192, 200)] {
+            let coverage = once(covered, all - covered);
+            let below = at_most(covered, all, coverage.upper);
+            let above = 1.0 - at_most(covered - 1, all, coverage.lower);
+            assert!((below - 0.025).abs() < 1e-9, "{covered} of {all}: {below}");
+            assert!((above - 0.025).abs() < 1e-9, "{covered} of {all}: {above}");
+        }
+        // Of ten that all hold, the lower bound is the tenth root.
+        let all_hold = once(10, 0);
+        assert!((all_hold.lower - 0.025_f64.powf(0.1)).abs() < 1e-12 && all_hold.upper == 1.0);
+        assert_eq!(once(0, 10).lower, 0.0);
+    }
+
+    #[test]
+    fn presses_of_one_sensor_that_hold_or_miss_together_count_once() {
+        let alone = once(19, 1);
+        let ten_each = Coverage::of([(10, 10)].repeat(19).into_iter().chain([(0, 10)]));
+        assert_eq!((ten_each.covered, ten_each.intervals), (190, 200));
+        let near = |one: f64, other: f64| assert!((one - other).abs() < 0.01, "{one} {other}");
+        near(ten_each.lower, alone.lower);
+        near(ten_each.upper, alone.upper);
+        // Presses that miss singly count each.
+        let apart = Coverage::of(
+            [(9, 10)]
+                .repeat(10)
+                .into_iter()
+                .chain([(10, 10)].repeat(10)),
+        );
+        assert!(apart.lower > ten_each.lower + 0.1, "{apart:?}");
+    }
+
+    #[test]
+    fn many_sensors_decide_and_few_do_not() {
+        assert_eq!(once(193, 7).verdict(), Verdict::Pass);
+        assert_eq!(once(190, 10).verdict(), Verdict::Undecided);
+        assert_eq!(once(180, 20).verdict(), Verdict::Fail);
+        assert_eq!(once(12, 0).verdict(), Verdict::Undecided);
+        assert_eq!(Coverage::default().verdict(), Verdict::Undecided);
+        // Three standard deviations let this one pass with 30 sensors.
+        assert_eq!(once(25, 5).verdict(), Verdict::Fail);
+    }
+}
