@@ -2,6 +2,7 @@
 
 use palpate_wire::Command;
 
+use super::adjustment::{Changes, QUANTITIES};
 use super::{Actuated, Crosstalk, Uncertainty, curve::PressCurve};
 
 /// A coefficient and its standard uncertainty, 1/K.
@@ -43,6 +44,10 @@ pub struct Calibration {
     pub basis: Basis,
     /// Force against the relative change of inductance, F(y).
     pub(crate) force: PressCurve,
+    /// Covariance of the adjusted quantities if the springs were exact.
+    pub(crate) covariance: [Changes; QUANTITIES],
+    /// Mean deformation of all trains, m.
+    pub(crate) depth_m: f64,
 }
 
 /// Data behind a calibration.

@@ -24,11 +24,17 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
     let adjusted = adjustment::adjust(&fit, crosstalk, known.spring_tolerance)?;
     let uncertainty = claim::uncertainty(&adjusted, open, known)?;
     let least_press_m = WITHIN * fit.problem.shallowest_m();
-    let Adjusted { layer, misses, .. } = adjusted;
+    let Adjusted {
+        layer,
+        misses,
+        covariance_of_exact_springs: covariance,
+        ..
+    } = adjusted;
     let stiffening_of_signal = layer.stiffening_of_signal();
     let Layer {
         actuated,
         crosstalk,
+        depth_m,
         ..
     } = layer;
     let findings = Findings {
@@ -57,6 +63,8 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         },
         coefficients: None,
         force,
+        covariance,
+        depth_m,
     })
 }
 

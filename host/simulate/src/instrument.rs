@@ -52,8 +52,10 @@ pub const SPEED_M_PER_S: f64 = 2e-3;
 const REST_S: f64 = 0.15;
 /// Greatest peak current, relative to the current that the supply drives through the warm coil.
 const OF_SUPPLY: f64 = 0.95;
-/// Resistance of the warm coil, 50 K above rest, over that at rest.
-const WARM: f64 = 1.2;
+/// Resistance of the warm coil over that at rest: 50 K above a room that is [`WARMER_K`] warmer. A
+/// peak that the supply reaches in the cold room alone makes a rise that seems to change with the
+/// temperature.
+const WARM: f64 = 1.27;
 
 /// Standard uncertainties of the temperature coefficients before they are measured: uniform within
 /// -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), and within 0.5 %/K for the rise

@@ -3,6 +3,7 @@
 
 mod ablation;
 mod acceptance;
+mod budget;
 mod coil_guards;
 mod drawn;
 mod efficiency;
@@ -39,6 +40,7 @@ struct Cli {
 enum Campaign {
     Ablation(ablation::Arguments),
     Acceptance(acceptance::Arguments),
+    Budget(budget::Arguments),
     /// The coil's current as the image drives it, over resistance, inductance and supply
     CoilCurrent,
     CoilGuards(coil_guards::Arguments),
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
     match Cli::parse().campaign {
         Campaign::Ablation(arguments) => failure::exit(ablation::run(&arguments)),
         Campaign::Acceptance(arguments) => failure::exit(acceptance::run(&arguments)),
+        Campaign::Budget(arguments) => failure::exit(budget::run(&arguments)),
         Campaign::CoilCurrent => image::coil_current::run(),
         Campaign::CoilGuards(arguments) => coil_guards::run(&arguments),
         Campaign::Efficiency(arguments) => failure::exit(efficiency::run(&arguments)),

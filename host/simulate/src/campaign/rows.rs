@@ -192,6 +192,7 @@ mod tests {
         Press {
             world: World::Hand,
             ratio: 0.5,
+            true_ratio: 0.45,
             true_n_per_m: 2_500.062_5,
             outcome,
         }
