@@ -4,13 +4,15 @@
 
 use crate::common::stamps::{Judged, Silicon, change, judge};
 use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
-use ldc161x_sim::{
-    ChipFault, FaultEvent, InterruptRelease, Overwrite, Sensors, Settings, registers::address,
-};
+use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Overwrite, Sensors, Settings};
 use palpate_emulator::{EmulatedBoard, Plant, Still, Time};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Outcome, State};
 use palpate_wire::command::Command;
+
+/// Registers of channel 0; those of the other channels follow (data sheet table 7).
+const RCOUNT0: u8 = 0x08;
+const SETTLECOUNT0: u8 = 0x10;
 
 /// A converter that releases INTB when DATA is read.
 const BY_DATA: Silicon = Silicon {
@@ -214,12 +216,12 @@ fn a_conversion_time_that_changes_is_marked_at_once_and_its_register_reported() 
         ..BY_DATA
     };
     for (silicon, channels, rate_hz, address, bits) in [
-        (BY_DATA, 0b0001, 1_000.0, address::RCOUNT, 1 << 9),
-        (BY_DATA, 0b0001, 1_000.0, address::RCOUNT, 1 << 3),
-        (BY_DATA, 0b1111, 1_000.0, address::RCOUNT + 2, 1 << 6),
-        (BY_DATA, 0b1111, 1_000.0, address::SETTLE_COUNT + 1, 1 << 4),
-        (by_status, 0b1111, 900.0, address::RCOUNT + 3, 1 << 5),
-        (by_status, 0b0001, 1_000.0, address::RCOUNT, 1 << 10),
+        (BY_DATA, 0b0001, 1_000.0, RCOUNT0, 1 << 9),
+        (BY_DATA, 0b0001, 1_000.0, RCOUNT0, 1 << 3),
+        (BY_DATA, 0b1111, 1_000.0, RCOUNT0 + 2, 1 << 6),
+        (BY_DATA, 0b1111, 1_000.0, SETTLECOUNT0 + 1, 1 << 4),
+        (by_status, 0b1111, 900.0, RCOUNT0 + 3, 1 << 5),
+        (by_status, 0b0001, 1_000.0, RCOUNT0, 1 << 10),
     ] {
         let (bench, judged) = upset(silicon, channels, rate_hz, address, bits);
         let what = format!("{silicon:?} {channels:#06b} {address:#04x} {bits:#06x}: {judged:?}");
