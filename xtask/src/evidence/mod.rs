@@ -208,6 +208,12 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "budget",
+        claim: "Each part of the claimed uncertainty against the scatter of the error that it stands for, after a bench at two temperatures.",
+        command: "campaign budget --plants 60 --seed 1250001 --temperatures 2",
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "ablation",
         claim: "What each part of the chain is worth: the same presses with a part added or left out.",
         command: "campaign ablation --plants 16 --seed 870001",
