@@ -79,7 +79,8 @@ pub const PERIOD_US: u32 = 16;
 pub const FULL_LEVEL: u16 = (CORE_MHZ * PERIOD_US / 2) as u16;
 const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 
-/// Hard limits of the coil's drive. `current_a` is the maximum current in the coil; the driver's
+/// Hard limits of the coil's drive. `current_a` is the greatest setpoint of the coil's current, and a
+/// measured current beyond `trip_a` switches the bridge off; the driver's
 /// `Supervisor::new` refuses a `trip_a` that the current amplifier of [`HARDWARE`] cannot measure.
 ///
 /// 12 A: the bridges are made for 15 A; the rest is a margin. 12.7 A is the largest current that the ADC

@@ -1,4 +1,4 @@
-//! Common parts of records and commands.
+//! Common parts of records and commands, whose kinds are in `record/mod.rs` and `command/mod.rs`.
 
 use crate::frame::frame_size;
 use crate::schema::{self, Kind, Structure};

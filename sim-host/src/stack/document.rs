@@ -158,8 +158,10 @@ impl<'t> TableSection<'t> {
 
     /// Refuses a key that does not belong to the others.
     pub(crate) fn refuse(&self, key: &str, allowed: &str) -> Result<(), FileError> {
-        let given = self.if_given(key, |key| self.value(key, allowed, |of| Err(kind(of))))?;
-        Ok(given.unwrap_or_default())
+        self.if_given(key, |key| {
+            self.value(key, allowed, |of| Err::<(), _>(kind(of)))
+        })
+        .map(drop)
     }
 
     /// The value of a key, converted by `convert`, whose error is a message.

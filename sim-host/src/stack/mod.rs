@@ -46,7 +46,7 @@ table! {
         attraction_n_per_a2 = "attraction_N_per_A2", 0.0 to 0.1 "N/A^2",
             "attraction of the actuated layer's halves, per square of the current";
         crosstalk_at_peak_m = "crosstalk_at_peak_m", 0.0 to 1e-4 "m",
-            "deformation that the coil's field feigns in the sensing layer at the peak current";
+            "apparent deformation of the sensing layer by the coil's field at the peak current";
         peak_current_a = "peak_current_A", 0.01 to 100.0 "A",
             "current from which the ramps of a train fall";
         coil_resistance_ohm = "coil_resistance_ohm", 1e-3 to 1e3 "ohm",
@@ -54,7 +54,7 @@ table! {
         coil_inductance_h = "coil_inductance_H", 1e-7 to 1.0 "H",
             "inductance L of the drive coil";
         press_depth_of_sensing_layer_m = "press_depth_of_sensing_layer_m", 1e-6 to 0.8e-3 "m",
-            "how far the sensing layer is meant to be pressed";
+            "working depth of the sensing layer";
     }
 }
 

@@ -180,31 +180,31 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "claims",
         claim: "The 95 % intervals of the stiffness hold on sensors that were each calibrated on their own bench.",
-        command: "run --release -p palpate -- campaign --plants 500 --seed 920001 --loads 0.1,0.2,0.5,1,2,5,10,block",
+        command: "run --release -p palpate-simulate -- campaign --plants 200 --seed 1300001 --loads 0.1,0.2,0.5,1,2,5,10,block",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "temperatures",
         claim: "The 95 % intervals of the stiffness hold on sensors that were calibrated at two temperatures, 20 K apart.",
-        command: "run --release -p palpate -- campaign --plants 300 --seed 930001 --temperatures 2",
+        command: "run --release -p palpate-simulate -- campaign --plants 200 --seed 1310001 --temperatures 2",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "worlds",
         claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw.",
-        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds",
+        command: "run --release -p palpate-simulate -- campaign --plants 12 --seed 710001 --all-worlds",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "checked-worlds",
         claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw, after a check by a spring that is known to 1 %.",
-        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-spring",
+        command: "run --release -p palpate-simulate -- campaign --plants 12 --seed 710001 --all-worlds --check-spring",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "untouched-worlds",
         claim: "What an estimate is worth if sensor, load or surroundings differ from what the calibration saw, after checks by a train on the untouched sensor and by a known spring.",
-        command: "run --release -p palpate -- campaign --plants 12 --seed 710001 --all-worlds --check-untouched --check-spring",
+        command: "run --release -p palpate-simulate -- campaign --plants 12 --seed 710001 --all-worlds --check-untouched --check-spring",
         rests_on: INSTRUMENT,
     },
     Campaign {

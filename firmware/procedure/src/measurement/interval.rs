@@ -430,6 +430,7 @@ fn too_uncertain(load: &LoadStiffness, settings: &Settings) -> Result<(), Reason
     ))
 }
 
+/// Reasons that the estimator decides: `git grep RampRefusal:: -- model/src/ramp`.
 impl From<RampRefusal> for Reason {
     fn from(refusal: RampRefusal) -> Self {
         let (code, value, limit) = match refusal {

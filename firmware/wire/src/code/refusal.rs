@@ -23,7 +23,7 @@ codes! {
         /// Two effects cannot be distinguished: the current did not change, or drift has the shape
         /// of the signal. Value: index of the term.
         IllConditioned = 10 "ill_conditioned",
-        /// The sums exceed the range of numbers.
+        /// The sums exceed the range of numbers, or the estimate exceeds that of the protocol.
         NotFinite = 11 "not_finite",
         /// The deformation does not follow the current significantly. Value: slope in standard errors;
         /// limit: the least that is needed.

@@ -121,11 +121,12 @@ fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
     });
     let variance =
         deviations.sum::<f64>() / (intervals * intervals) * count / (count - 1.0).max(1.0);
-    let of_part = part * (1.0 - part);
-    if of_part == 0.0 || variance == 0.0 {
+    // Of presses that are independent the part has the variance p (1 - p)/(n - 1).
+    let alone = part * (1.0 - part) / (intervals - 1.0).max(1.0);
+    if alone == 0.0 || variance == 0.0 {
         return count;
     }
-    (of_part / variance).min(intervals)
+    (intervals * alone / variance).min(intervals)
 }
 
 /// The x below which the beta distribution has the probability `below`, by bisection; `a` and `b`
@@ -198,8 +199,10 @@ mod tests {
         };
         for (covered, all) in [(1, 10), (9, 10), (57, 60), (190, 200), (192, 200)] {
             let coverage = once(covered, all - covered);
-            let below = at_most(covered, all, coverage.upper);
-            let above = 1.0 - at_most(covered - 1, all, coverage.lower);
+            // Counted by the missing ones, whose terms do not underflow.
+            let missing = all - covered;
+            let below = 1.0 - at_most(missing - 1, all, 1.0 - coverage.upper);
+            let above = at_most(missing, all, 1.0 - coverage.lower);
             assert!((below - 0.025).abs() < 1e-9, "{covered} of {all}: {below}");
             assert!((above - 0.025).abs() < 1e-9, "{covered} of {all}: {above}");
         }

@@ -185,7 +185,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     let said = String::from_utf8_lossy(&narrower.stderr);
     assert_eq!(narrower.status.code(), Some(1), "{said}");
     assert!(
-        said.contains("out_of_range") && said.contains("changed were: peak_current_a"),
+        said.contains("out_of_range") && said.contains("Not changed: peak_current_a"),
         "{said}"
     );
     // The rate exceeds the limit of converter and bus.

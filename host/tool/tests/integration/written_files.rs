@@ -33,7 +33,7 @@ fn a_state_that_is_no_flash_is_refused_and_leaves_every_file() {
     for (state, cause) in [
         ("Cargo.toml", "8 bytes"),
         ("folder", "a folder"),
-        ("/dev/zero", "no file"),
+        ("/dev/zero", "not a file"),
     ] {
         let output = with_state(&["settings", "get"], state, folder);
         for file in files {

@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn each_word_that_is_not_as_the_boot_rom_needs_it_is_refused() {
         for offset in [0, 4, 508] {
-            assert!(why(with(2, offset, 0)).contains("block 2: it does not begin and end"));
+            assert!(why(with(2, offset, 0)).contains("block 2: its magic numbers"));
         }
         assert!(why(with(2, 8, 0x2001)).contains("flags are 0x2001"));
         assert!(why(with(2, 12, 0x2000_0000)).contains("not in the flash"));
