@@ -1,5 +1,6 @@
-//! Crash record, kept across reset: how the last run ended, and the energy in the coil.
-//! [`palpate_procedure::boot`] evaluates it with the chip's own flags.
+//! What one run keeps for the next, in memory that no reset clears: how it ended, which
+//! [`palpate_procedure::boot`] evaluates with the chip's reset flags; and the heat in the coil, with
+//! which the coil's manager continues its account of the energy.
 
 #![allow(unsafe_code)]
 

@@ -286,8 +286,8 @@ impl Instrument {
         }
     }
 
-    /// Gives the storage an order that waits for the bridge. While the bridge rests no current flows,
-    /// and none can be commanded until the storage has finished.
+    /// Passes the pending order to the storage once the bridge rests (at once on a board without a
+    /// bridge): no current flows then, and none can be commanded until the storage has finished.
     fn order_storage<H: Hardware>(&mut self, hardware: &mut H) {
         if self.order.is_none() || hardware.with_coil(|coil| coil.rests()) == Some(false) {
             return;

@@ -251,9 +251,10 @@ const OF_LAW: f64 = 0.05;
 /// Root mean square difference between two sessions at one temperature of the force at a reading:
 /// 0.6e-4 on 30 simulated sensors of the design `ultrasoft`, seeds 760001 to 760030.
 const NOISE_OF_SPRINGS: f64 = 1e-4;
-/// What the ratio of two rises is off beyond what the scatter of the trains leaves open: with it the
-/// errors of the coefficient, 0.15e-3 /K at 20 K on 36 simulated sensors of the design `ultrasoft`
-/// (seeds 1200001 to 1200040), are one standard uncertainty.
+/// Relative standard uncertainty of the ratio of two rises, in quadrature with that from the trains'
+/// scatter. Chosen so that the stated uncertainty of the coefficient equals its RMS error: 0.15e-3 /K
+/// with sessions 20 K apart, on 36 simulated sensors of the design `ultrasoft` (seeds 1200001 to
+/// 1200040).
 const NOISE_OF_RISE: f64 = 0.0025;
 
 #[cfg(test)]

@@ -143,8 +143,8 @@ fn turns_sum(radii_m: &[f64], k: f64) -> f64 {
     radii_m.iter().map(|&a| a * libm::j1(k * a)).sum()
 }
 
-/// S(k) for tracks of a width, m: the mean of a J1(ka) over the width, and that of e^(kz) over the
-/// copper's thickness.
+/// S(k), m, for tracks of finite width and thickness: Σ aᵢ J1(k aᵢ), each term averaged over the
+/// track's width, times the mean of e^(kz) over the copper's thickness.
 fn track_sum(radii_m: &[f64], width_m: f64, k: f64) -> f64 {
     let mean = |share: f64| {
         let radii_m = radii_m.iter().map(|a| a + 0.5 * share * width_m);

@@ -20,7 +20,8 @@ fn a_perfect_rig_reads_what_is_there() {
     assert_eq!(reading.force_n, truth.force_n);
     assert_eq!(reading.stage_m, truth.press_m);
     assert_eq!(rig.world().load(), &Load::Spring { n_per_m: 5e3 });
-    // The springs follow exactly from the reading.
+    // Travel over force is the compliance of load, actuated layer and sensing layer in series: less
+    // the first two it is exactly that of the sensing layer.
     let series = 0.7e-3 / reading.force_n - 1.0 / 5e3 - 1.0 / truth.actuated_spring_n_per_m;
     assert!((series * plant.sensing.spring_n_per_m - 1.0).abs() < 1e-12);
 }

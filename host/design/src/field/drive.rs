@@ -11,9 +11,11 @@ use super::input::Effort;
 pub(super) enum Drive {
     /// One ampere, far below saturation, without background and remanence.
     PerAmpere,
-    /// A current in A, with saturation, background and magnets.
+    /// This current, A, in the driven coils, with saturation, background, magnets, and coils with a
+    /// current of their own.
     Current(f64),
-    /// Background, magnets and the coils' own currents only, with saturation.
+    /// No drive current: only the background, the magnets and the coils with a fixed current of
+    /// their own (`own_current_a`), with saturation.
     Background,
 }
 

@@ -86,7 +86,8 @@ impl PlannedSensor {
         pull_n / self.plant.sensing.spring_n_per_m * ratio / deformation_m
     }
 
-    /// Cross-talk of the coil's field at a current in A, m.
+    /// Apparent displacement, m, that the field of the coil adds to the reading at a current, A,
+    /// without a press.
     pub fn crosstalk_m(&self, current_a: f64) -> f64 {
         let relative = current_a / self.plant.current.peak_a;
         self.plant.crosstalk.at_peak_m * relative * relative

@@ -14,7 +14,7 @@ use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 use palpate_emulator::{Image, firmware};
 
-/// Names the image.
+/// Argument that selects the image for the emulated board.
 #[derive(Args)]
 // Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]

@@ -61,7 +61,8 @@ impl Solved {
 /// At each refinement, triangles are halved that together have this fraction of the total score. A
 /// fraction of one half makes the number of unknowns grow by a factor of about 1.7.
 const SHARE: f64 = 0.6;
-/// Size of the triangles at singular corners on the first mesh, relative to the circle's radius.
+/// Longest side allowed on the first mesh for triangles at corners where the field is singular,
+/// relative to the radius of the circle that contains all parts (`Mesh::circle`).
 const CORNER_SIZE: f64 = 0.004;
 /// Newton's method ends when its last step is less than the requested accuracy times this.
 const LAST_STEP: f64 = 0.1;

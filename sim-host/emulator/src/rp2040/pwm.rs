@@ -375,8 +375,9 @@ impl Pwm {
         self.serviced_ps = now_ps;
     }
 
-    /// Raises the wrap flags of slices whose flags are not kept up to date: a slice shows each
-    /// wrap, with or without its interrupt (4.5.2.7).
+    /// Catches up on the wrap flags that `service` leaves out. The hardware sets a slice's flag at
+    /// every wrap, even with its interrupt disabled (4.5.2.7); `service` follows only slices whose
+    /// interrupt is enabled or that have a written value waiting.
     fn mark_wraps(&mut self, now_ps: u64) {
         for index in 0..SLICES {
             if let Some(slice) = self.slices.get(index).filter(|slice| slice.runs())

@@ -56,7 +56,8 @@ pub(crate) struct Arguments {
     /// Switches of the emulated board's converter, instead of the defaults
     #[arg(long, value_name = "FILE.toml", requires = "emulated")]
     switches: Option<PathBuf>,
-    /// Ask on a board for a dip of the converter's supply, and measure its effect
+    /// On a real board, ask the user to interrupt the converter's supply, and find which registers
+    /// that changes
     #[arg(long, requires = "connect")]
     dip: bool,
     /// Where the switches that were found are written

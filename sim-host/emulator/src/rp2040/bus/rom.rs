@@ -154,8 +154,8 @@ impl<P: Plant> SystemBus<P> {
         self.rom_calls.usb_boot = Some(disabled_interfaces);
         self.reboot_by_watchdog(USB_BOOT_MS)
             .ok_or(Refusal::Unmodelled)?;
-        // The masks wait in the first two scratch registers (the boot ROM's source), and overwrite
-        // the firmware's values there.
+        // By its source, the boot ROM passes both masks over the reset in the first two watchdog
+        // scratch registers; values that the firmware keeps there are lost.
         for (register, mask) in WATCHDOG_SCRATCH
             .into_iter()
             .zip([activity_pins, disabled_interfaces])
