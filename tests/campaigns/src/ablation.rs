@@ -19,7 +19,7 @@ use palpate_sim::switches::Switches;
 use palpate_simulate::campaign::counted::Counted;
 use palpate_simulate::campaign::press::{self, Press};
 use palpate_simulate::campaign::world::World;
-use palpate_simulate::campaign::{Bin, percent};
+use palpate_simulate::campaign::{Bin, in_working_depths, percent};
 use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
 use palpate_wire::Command;
 use palpate_wire::code::Drift;
@@ -284,13 +284,13 @@ fn print(drawn: &DrawnSensors, stack: &str, rows: &[Row]) -> Result<(), Failure>
     writeln!(
         out,
         "{BEGIN}\nThe RMS error (ln) at {} is {}.\n\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated \
-         bench and pressed to {} of its working depth, with parts of the chain added or left out. Those that are left \
+         bench and pressed to {}, with parts of the chain added or left out. Those that are left \
          out are so with a bench at one temperature and without a check.\n\n{}\n{END}",
         rows.get(middle).map_or("", |row| &row.bin.load),
         whole.collect::<Vec<_>>().join(", "),
         drawn.plants,
         drawn.seed,
-        DEPTH,
+        in_working_depths(DEPTH),
         table(rows, loads)
     )?;
     Ok(())

@@ -292,12 +292,16 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
         out,
         "{BEGIN}\nOf {all} presses with a disturbance that bends the line, {good} are covered or refused. Of {} \
          presses with nothing left out, {falsely} are refused as misfits.\n\n\
-         {} sensors of the stack ultrasoft from seed {}, each calibrated on its own simulated bench \
-         with all disturbances but the one left out, and pressed with it.\n\n{whole}\n\n\
+         {} sensors of the stack ultrasoft from seed {}. Each is calibrated on its own simulated bench \
+         with all disturbances but the one in the first column, then pressed with that one too, in the size of the second column.\n\n{whole}\n\n\
+         Creep and an error of the rise have the shape of the signal itself: they do not bend the line and no \
+         press shows them. In the last two rows the calibration states a standard uncertainty of the rise of \
+         {:.0} % for them.\n\n\
          `cargo campaign misfit` prints the same by load and by size.\n{END}",
         nothing.len(),
         arguments.plants,
-        arguments.seed
+        arguments.seed,
+        arguments.allowance * 100.0
     )?;
     if good * 100 < all * 99 {
         return Err(Failure::Refused(format!(

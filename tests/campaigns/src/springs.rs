@@ -176,8 +176,8 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
         out,
         "{BEGIN}\nIntervals that cover the truth: {}; {refused} of {} good sessions are refused.\n\n\
          {} sensors of the stack {} from seed {}, all disturbances. Each was calibrated from one session on \
-         its simulated bench: with the load cell, and with the stage's scale and the springs alone. Below: what good data come to in \
-         the checks.\n\n{}\n\n{}\n{END}",
+         its simulated bench: with the load cell, and with the stage's scale and the springs alone. Below: how close these sessions \
+         come to the limits of the checks.\n\n{}\n\n{}\n{END}",
         ways.join(", "),
         plants.len(),
         plants.len(),

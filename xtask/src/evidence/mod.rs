@@ -39,7 +39,7 @@ const OVERVIEW: &str = "README.md";
 struct Campaign {
     /// Name of the campaign and of its page.
     name: &'static str,
-    /// Claim that the result shows, in one short sentence.
+    /// Claim that the result shows, in a short sentence or two.
     claim: &'static str,
     /// Arguments of cargo.
     command: &'static str,
@@ -151,7 +151,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "hostile-connections",
-        claim: "Programs that misuse its ports, and false boards, leave the tool serving those that behave.",
+        claim: "Programs that misuse the tool's ports, and fake boards, do not keep it from serving well-behaved ones.",
         command: "--config env.HOSTILE_ATTACKS='500' --config env.HOSTILE_SEED='40001' test --locked -p palpate --test integration -- hostile_connections --nocapture",
         rests_on: DESK,
     },
@@ -227,13 +227,13 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "misfit",
-        claim: "A press with a disturbance that the calibration left out is refused, or its interval holds, where the disturbance bends the line.",
+        claim: "The line fitted to a train of ramps is straight if the calibrated stiffening is right. A press with a disturbance that bends it, and that the calibration lacked, is refused, or its interval still contains the truth.",
         command: "campaign misfit --plants 17 --seed 660001",
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "springs",
-        claim: "A calibration by springs alone beside one with a load cell; what good sessions come to in the checks.",
+        claim: "A calibration by springs alone beside one with a load cell; how close good sessions come to the limits of the bench's checks.",
         command: "campaign springs --plants 50 --seed 30001",
         rests_on: INSTRUMENT,
     },
@@ -245,7 +245,7 @@ const CAMPAIGNS: &[Campaign] = &[
     },
     Campaign {
         name: "field-front",
-        claim: "The best design of the field for each power, and what one of them is worth where stiffness is measured.",
+        claim: "The best field design found for each coil power, and the errors of the stiffness with one of them.",
         command: "campaign field-front --plants 30 --seed 1",
         rests_on: FRONT,
     },

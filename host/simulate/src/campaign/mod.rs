@@ -324,7 +324,7 @@ fn print(
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench{}{}{} and pressed to {} of its working depth.\n\n{of_worlds}\n",
+         simulated bench{}{}{} and pressed to {}.\n\n{of_worlds}\n",
         arguments.plants,
         arguments.seed,
         if arguments.temperatures > 1 {
@@ -342,13 +342,22 @@ fn print(
         } else {
             ""
         },
-        arguments.depth
+        in_working_depths(arguments.depth)
     )?;
     Ok(writeln!(
         out,
         "{}\n{END}",
         without_estimate(&reasons(plants))
     )?)
+}
+
+/// A depth of presses, given in units of the working depth, in words.
+pub fn in_working_depths(depth: f64) -> String {
+    if depth == 1.0 {
+        "its working depth".to_owned()
+    } else {
+        format!("{depth} of its working depth")
+    }
 }
 
 /// One world in a sentence.
@@ -432,7 +441,7 @@ pub fn without_estimate(reasons: &BTreeMap<String, usize>) -> String {
         format!("{reason} ({count})")
     });
     format!(
-        "Without an estimate: {}.",
+        "Presses without an estimate, by reason: {}.",
         reasons.collect::<Vec<_>>().join("; ")
     )
 }

@@ -272,7 +272,7 @@ fn a_misused_connection_does_not_hinder_the_next() {
         ("the emulated board's port", on_the_board),
         ("the port of its bench", on_the_bench),
         ("the page", on_the_page),
-        ("the tool, by false boards", at_false_boards),
+        ("the tool, by fake boards", at_false_boards),
     ];
     let found = thread::scope(|scope| {
         let parts = parts.map(|(name, part)| (name, scope.spawn(move || part(amount))));

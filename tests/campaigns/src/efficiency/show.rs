@@ -131,8 +131,8 @@ pub(super) fn print(
     };
     writeln!(
         out,
-        "{BEGIN}\nAt {} the RMS error (ln) is {} where {} is planned; the efficiency is {} of what the chain uses, and {} of all that is \
-         read.\n\n\
+        "{BEGIN}\nAt {} the RMS error (ln) is {} where `palpate plan` expects {}. Bound over measured variance: {} for the data that \
+         the chain uses, {} for everything that bench and press read.\n\n\
          {} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench{}. \
          {left_out} presses without an estimate are left out.\n\n\
          Root mean squares of ln(estimate/truth). From left to right, less is known or used: bounds where everything of the sensor \

@@ -26,7 +26,8 @@ pub(crate) fn run() -> Result<(), Failure> {
     }
     let (figure, table) = page::render(&rows);
     evidence::print(&format!(
-        "{figure}, and {ratios} of that of its leanest deck.\n\n{table}\n{lean}"
+        "{figure}, and {ratios} of the time of a minimal NGSolve program that computes only the core's mean \
+         field.\n\n{table}\n{lean}"
     ));
     Ok(())
 }

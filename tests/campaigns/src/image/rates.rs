@@ -180,7 +180,7 @@ pub(crate) fn run() -> ExitCode {
         holds &= *found.lost.start() == 0;
     }
     let text = format!(
-        "At up to {share:.1} % of the bus's limit {reported} conversions are reported lost; the edge of INTB waits {} at worst.\n\n\
+        "At up to {share:.1} % of the bus's limit, {reported} conversions are reported lost; the edge of INTB waits {} at worst.\n\n\
          | channels | asked | stream | INTB released by | scans per second | of the bus's limit \
          | lost | reported | edge to START, median | worst | load |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\

@@ -245,8 +245,8 @@ pub(crate) fn run() -> ExitCode {
     let (two, two_are_sound) = of_two();
     let text = format!(
         "{starts} starts after the converter had lost all registers and {changes} changes of settings, {} samples. Wrong and not marked: \
-         {} with a wrong time, {} that mix two scans, {} after a missing scan that is not reported, {} torn. Time stamps are off by \
-         {:+.2} to {:+.2} µs.\n\n\
+         {} with a wrong time, {} that mix two scans, {} after a missing scan that is not reported, {} torn, by a supply \
+         that failed during the frame's last byte, which no reader can see. Time stamps are off by {:+.2} to {:+.2} µs.\n\n\
          Compared with the simulated converter's own record of every conversion. {} samples are marked as following a gap or missed \
          scans. For the others: a time is wrong if it is more than 2 µs from the middle of its conversion; a sample is torn if the \
          converter's supply failed during the last byte of the frame, which no reader of the bus can see. The errors of two \

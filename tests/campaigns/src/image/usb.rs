@@ -68,7 +68,7 @@ fn streams(out: &mut String) -> bool {
     let _ = writeln!(
         out,
         "| channels | asked | time | trains | time in them | scans | lost | samples by USB | records \
-         missing by USB | by RTT | levels written | late | longest from one to the next | edge to \
+         missing by USB | records missing by RTT | levels written | levels late | longest time between two levels | edge to \
          START, worst | load in the train | greatest load | latest packet in a frame |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     let mut holds = true;
@@ -109,9 +109,9 @@ fn streams(out: &mut String) -> bool {
     }
     let _ = writeln!(
         out,
-        "\nTrains follow one another as soon as the coil's budget of heat allows. Load: the greatest \
-         that a `status` reported, for a tenth of a second; it includes what is computed once at the \
-         end of a test of the coil. A bulk packet that is made available more than 800 us after the start of a \
+        "\nTrains follow one another as soon as the coil's budget of heat allows. Load: greatest mean \
+         over a tenth of a second that a `status` reported. The greatest overall includes the evaluation at the \
+         end of a coil test. A bulk packet that is made available more than 800 us after the start of a \
          frame may hang the controller (RP2040-E15).\n"
     );
     holds
@@ -135,7 +135,7 @@ fn interruptions(out: &mut String) -> bool {
     let _ = writeln!(
         out,
         "| what | records | missing | dropped, as the device says | cut frames | samples compared | \
-         other than by RTT |\n|---|---|---|---|---|---|---|"
+         samples that differ from those by RTT |\n|---|---|---|---|---|---|---|"
     );
     let mut holds = true;
     let mut bench = plugged();
@@ -172,9 +172,9 @@ fn interruptions(out: &mut String) -> bool {
     holds &= bench.probe.board.resets().watchdog == 0;
     let _ = writeln!(
         out,
-        "\nRecords are exact where `missing` is `dropped`. A port that is opened anew may begin with \
-         the rest of a frame, once. After the cable it was open within {}, of which 100 ms are those in \
-         which its contacts may bounce.\n",
+        "\nThe device's account of losses is exact where `missing` equals `dropped`. A port that is opened \
+         anew may begin with the rest of a frame, once. After replugging, the port was open within {}, including \
+         the 100 ms allowed for contact bounce.\n",
         ms(slowest)
     );
     holds
@@ -185,9 +185,8 @@ fn control(out: &mut String, seed: u64) -> bool {
     let found = disturb_control(&mut bench, CONTROL_TRANSFERS, seed);
     let _ = writeln!(
         out,
-        "Of control transfers of any kind {} ended by data or acknowledgement, {} by a stall, {} by a reset of the bus in their midst, {} by the \
-         next setup packet, {} by the host, which sent less than it had promised, {} by what was left of one that the host had given up \
-         before; {} hung.",
+        "Control transfers of any kind: {} completed, {} stalled, {} cut by a bus reset, {} replaced by the next setup packet, {} ended by a \
+         host that sent less than announced, {} answered with leftovers of an abandoned transfer, {} hung.",
         found.done,
         found.stalled,
         found.cancelled,
@@ -202,10 +201,9 @@ fn control(out: &mut String, seed: u64) -> bool {
     let restarts = bench.probe.board.resets().watchdog;
     let _ = writeln!(
         out,
-        "A host that gives a transfer up and sends the next setup packet may get a packet of the \
-         former until the processor has seen the setup packet; to prevent that, the interrupt of USB \
-         would have to go before the tasks. Of the device descriptors asked for between, {} others were \
-         wrong or refused. The longest transfer took {}. \
+        "A host that abandons a transfer and sends the next setup packet may receive a packet of the \
+         abandoned one, until the processor has handled the setup packet (docs/firmware.md, errata). Apart \
+         from these, {} device descriptors requested in between were wrong or refused. The longest transfer took {}. \
          Levels of the coil's PWM: {} written, {} late, {} from one to the next at most; edge to START \
          {} at worst. The board started anew {restarts} times. It was enumerated {} times, and streamed \
          after each.\n",
