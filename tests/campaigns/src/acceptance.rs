@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     table.load_style(ASCII_MARKDOWN);
     table.set_header([
         "seed",
-        "calibration",
+        "time to calibrate",
         "load",
         "true",
         "measured",

@@ -508,7 +508,10 @@ impl SeriesResult {
         for (name, counted) in [
             ("first", &self.first),
             ("later", &self.later),
-            ("after 5 s and more", &self.after_a_long_hold),
+            (
+                "again, after a hold of more than 5 s",
+                &self.after_a_long_hold,
+            ),
         ] {
             table.add_row([
                 name.to_owned(),

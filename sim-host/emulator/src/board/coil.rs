@@ -25,7 +25,7 @@ const SUPPLY_RATIO: f64 = 11.0;
 const SUPPLY_TAU_S: f64 = 1e-3;
 /// Factor on the bridge's current limit while the bridge's self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
-/// Gain of the current amplifier, V/A; below, its output at zero current, V.
+/// Gain of the current amplifier, V/A, and its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 

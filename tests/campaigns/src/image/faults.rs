@@ -227,7 +227,7 @@ pub(crate) fn run() -> ExitCode {
     let cases: u32 = rows.iter().map(|row| row.cases).sum();
     let mut text = format!(
         "{broken} of {cases} cases are beyond their limits; the next good sample comes within {:.0} ms, and the bridge is off within {:.0} \
-         ms.\n\n| cause | cases | worst | limit | beyond it |\n|---|---|---|---|---|\n",
+         ms.\n\n| cause | cases | worst | limit | beyond the limit |\n|---|---|---|---|---|\n",
         worst(causes),
         worst(crashes),
     );

@@ -184,10 +184,10 @@ pub(crate) fn run() -> ExitCode {
          | channels | asked | stream | INTB released by | scans per second | of the bus's limit \
          | lost | reported | edge to START, median | worst | load |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\
-         {} simulated seconds each. The bus's limit: a frame's bit times at 400 kHz and 10 µs. \
-         Lost: conversions that the converter overwrote unread, before and after the device reported its \
-         count. Reported: those that the firmware says \
-         were lost. More than 98 % of the bus is refused.",
+         {} simulated seconds each. The bus's limit: a frame takes its bits at 400 kHz and 10 µs. \
+         Lost: conversions that the converter overwrote unread, by its own record; two figures where they changed \
+         while the device reported its count. Reported: those that the firmware says were lost. Settings that need \
+         more than 98 % of the bus are refused.",
         us(worst),
         LENGTH.as_secs_f64()
     );

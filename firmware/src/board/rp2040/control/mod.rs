@@ -64,7 +64,7 @@ const RESULTS: u32 = 0x6000_0000;
 
 /// Number of ADC results per period, and of slots in the ring.
 const RING: usize = 8;
-/// Slots in the ring of the two current samples of a period.
+/// Ring slots that hold the two current samples of a period.
 const CURRENT: [usize; 2] = [0, 4];
 /// Slot in the ring of the thermistor's result.
 const THERMISTOR: usize = 5;

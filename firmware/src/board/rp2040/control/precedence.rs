@@ -62,7 +62,7 @@ fn release() {
     IS_AWAITED.store(false, Ordering::Relaxed);
     // The flag is cleared before the bus interrupt is unmasked, after which it can wait again.
     compiler_fence(Ordering::SeqCst);
-    // SAFETY: it was enabled: it always is, but while it waits.
+    // SAFETY: this restores the usual state: the interrupt is masked only while its work is deferred.
     unsafe { NVIC::unmask(Interrupt::I2C0_IRQ) };
     NVIC::pend(Interrupt::I2C0_IRQ);
 }

@@ -28,7 +28,7 @@ pub(crate) struct PluggedBoard {
     is_open: bool,
     /// Request to open or close the port, until the board has handled it.
     changing: Option<TransferId>,
-    /// Bytes that the program sent before the port was open: an answer from a closed port would be
+    /// Bytes from the program, kept until the port is open: sent earlier, their answers would be
     /// lost.
     unsent: Vec<u8>,
     flash: FlashFile,

@@ -19,7 +19,7 @@ pub(super) const INTERRUPTS: u32 = 0x98;
 pub(super) const SETUP: u32 = 1 << 17;
 pub(super) const RESET: u32 = 1 << 19;
 
-/// Duration of a processor access; here it is longer than a period of clk_usb.
+/// Duration of a processor access in these tests: longer than a period of clk_usb.
 const ACCESS_PS: u64 = 30_000;
 
 /// A program on the processor, called while the interrupt line is high.

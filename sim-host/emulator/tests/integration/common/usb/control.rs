@@ -230,8 +230,8 @@ fn is_right(bench: &UsbBench, transfer: &ControlTransfer, outcome: &ControlOutco
     is_part && data.len() >= asked.min(18)
 }
 
-/// Runs up to a time at which a new transfer cannot finish within the frame, at whose end the host
-/// gives it up.
+/// Runs until so late in a frame that a new transfer cannot finish in it; the host gives the transfer
+/// up at the frame's end.
 fn late_in_frame(bench: &mut UsbBench) {
     let board = &mut bench.probe.board;
     let frame = board.usb().counts().frames;
