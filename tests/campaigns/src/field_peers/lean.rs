@@ -223,7 +223,7 @@ impl Row {
 
 fn render(rows: &[Row]) -> String {
     let mut text = format!(
-        "Beside the leanest deck of NGSolve, `tests/campaigns/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
+        "Beside a minimal NGSolve program, `tests/campaigns/src/field_peers/lean_with_ngsolve.py`: netgen's SplineGeometry without OpenCASCADE, only the mean of \
          the core. For each case and each of netgen's two ways to make triangles the quickest of some settings (order, \
          sizes) within 1e-4 of the truth is chosen, with one thread or two. Then {RUNS} runs of each program in turns, every one \
          a process of its own; medians. NGSolve without the import of its libraries; ours is the whole program from its \
