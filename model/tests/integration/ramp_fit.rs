@@ -7,7 +7,10 @@ use palpate_model::ramp::{Basis, DriftModel, Noise, Scatter};
 use palpate_model::units::Second;
 
 /// Each drift with its phi as the documentation defines it, independent of the crate's code.
-fn drifts() -> [(DriftModel, fn(f64) -> f64); 4] {
+/// A drift with its course over time.
+type Drift = (DriftModel, fn(f64) -> f64);
+
+fn drifts() -> [Drift; 4] {
     let tau = Second(0.25);
     let period = Second(0.125);
     [

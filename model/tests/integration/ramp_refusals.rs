@@ -134,7 +134,8 @@ fn senseless_samples_leave_the_sums_alone() {
     let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     ramp.push(&sample(0.0, 0.0)).unwrap();
     let before = ramp;
-    let cases: [(fn(&mut RampSample), Rejected); 10] = [
+    type Case = (fn(&mut RampSample), Rejected);
+    let cases: [Case; 10] = [
         (|s| s.deformation = Metre(f32::NAN), Rejected::NotFinite),
         (
             |s| s.deformation = Metre(f32::INFINITY),
