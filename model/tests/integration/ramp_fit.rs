@@ -6,8 +6,7 @@ use crate::common::rng::Rng;
 use palpate_model::ramp::{Basis, DriftModel, Noise, Scatter};
 use palpate_model::units::Second;
 
-/// Each drift with its phi as the documentation defines it, independent of the crate's code.
-/// A drift with its course over time.
+/// A drift with its phi as the documentation defines it, independent of the crate's code.
 type Drift = (DriftModel, fn(f64) -> f64);
 
 fn drifts() -> [Drift; 4] {

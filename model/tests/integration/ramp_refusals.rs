@@ -129,12 +129,14 @@ fn no_signal_a_reversed_one_and_a_negative_spring() {
     );
 }
 
+/// A change that makes a sample senseless, and why it is rejected.
+type Case = (fn(&mut RampSample), Rejected);
+
 #[test]
 fn senseless_samples_leave_the_sums_alone() {
     let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     ramp.push(&sample(0.0, 0.0)).unwrap();
     let before = ramp;
-    type Case = (fn(&mut RampSample), Rejected);
     let cases: [Case; 10] = [
         (|s| s.deformation = Metre(f32::NAN), Rejected::NotFinite),
         (
