@@ -79,11 +79,13 @@ fn is_within_its_claim(seed: &str) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn undisturbed_every_estimate_is_within_half_a_percent() {
     is_within_half_a_percent("1");
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn disturbed_every_estimate_is_within_its_claim() {
     is_within_its_claim("1");
 }
@@ -117,6 +119,7 @@ fn with_other_seeds_every_estimate_is_as_good() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_sensor_that_cannot_measure_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.html");
@@ -159,6 +162,7 @@ fn the_report_stands_alone() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn the_same_seed_gives_the_same_bytes() {
     let disturbed = with("disturbances = \"none\"", "disturbances = \"all\"");
     let (_folder, file) = written(&disturbed);
