@@ -8,8 +8,8 @@ use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
 use crate::item::{Item, MAX_ITEM};
-use crate::scan::Located;
-use crate::{Error, seal};
+use crate::seal::{self, Sum};
+use crate::{Contents, Error, Set};
 
 /// Number of bytes that are read at a time to check whether a sector is erased.
 const POLL: usize = 256;
@@ -244,5 +244,30 @@ impl<S: NorFlash> NorFlash for Window<'_, S> {
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
         self.flash.write(self.address(offset), bytes).await
+    }
+}
+
+/// A whole set and its location.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Located {
+    pub(crate) slot: Slot,
+    pub(crate) generation: u32,
+    pub(crate) sum: Sum,
+    /// Number of items that this firmware does not know.
+    pub(crate) unknown: u16,
+}
+
+impl Located {
+    /// Returns the set as reported.
+    pub(crate) fn reported(&self) -> Contents {
+        if self.sum.items == 0 {
+            return Contents::Empty;
+        }
+        Contents::Whole(Set {
+            generation: self.generation.saturating_sub(self.sum.erased),
+            items: self.sum.items,
+            unknown_items: self.unknown,
+            configuration_crc: self.sum.configuration_crc,
+        })
     }
 }

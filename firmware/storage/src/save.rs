@@ -5,9 +5,10 @@ use core::fmt;
 use embedded_storage_async::nor_flash::NorFlash;
 use palpate_wire::{Command, ConfigurationCrc, Message};
 
+use crate::area::Located;
 use crate::area::{Area, Slot};
 use crate::item::{Item, Key};
-use crate::scan::{Located, Scan};
+use crate::scan::Scan;
 use crate::seal::{self, Sum};
 use crate::{Contents, Error, Store, knows, parts, settings};
 

@@ -2,10 +2,10 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use crate::area::{Area, Slot};
+use crate::area::{Area, Located, Slot};
 use crate::item::{Item, Key};
-use crate::seal::{self, Seal, Sum};
-use crate::{Contents, Error, Set, knows};
+use crate::seal::{self, Seal};
+use crate::{Contents, Error, knows};
 
 /// Result of one pass over a slot.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,31 +65,6 @@ impl Scan {
     pub(crate) fn holds(&self, generation: u32, items: u16) -> bool {
         let is_of_it = items == 0 || self.generation == generation;
         !self.is_unsound && is_of_it && self.items == items
-    }
-}
-
-/// A whole set and its location.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Located {
-    pub(crate) slot: Slot,
-    pub(crate) generation: u32,
-    pub(crate) sum: Sum,
-    /// Number of items that this firmware does not know.
-    pub(crate) unknown: u16,
-}
-
-impl Located {
-    /// Returns the set as reported.
-    fn reported(&self) -> Contents {
-        if self.sum.items == 0 {
-            return Contents::Empty;
-        }
-        Contents::Whole(Set {
-            generation: self.generation.saturating_sub(self.sum.erased),
-            items: self.sum.items,
-            unknown_items: self.unknown,
-            configuration_crc: self.sum.configuration_crc,
-        })
     }
 }
 

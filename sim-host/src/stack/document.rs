@@ -7,7 +7,6 @@ use core::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::key::Table;
 use super::quantity::{Allowed, Quantity};
 
 /// Error in a file.
@@ -64,6 +63,18 @@ pub fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
         }
     })?;
     Ok(text.strip_prefix('\u{FEFF}').unwrap_or(&text).to_owned())
+}
+
+/// A table of a file.
+pub(super) trait Table: Sized {
+    /// Names of all its keys, which it must have.
+    const NAMES: &'static [&'static str];
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// [`FileError`] for a value that is missing or refused.
+    fn read(table: &TableSection<'_>) -> Result<Self, FileError>;
 }
 
 /// A table that is being read. The allowed keys are given when it is opened, so a misspelt key or

@@ -1,6 +1,5 @@
 //! Tables of quantities, each declared once: field, key, allowed range and meaning.
 
-use super::document::{FileError, TableSection};
 use super::quantity::Allowed;
 
 /// A key of a table that denotes a quantity.
@@ -12,18 +11,6 @@ pub struct Key {
     pub allowed: Allowed,
     /// Meaning.
     pub meaning: &'static str,
-}
-
-/// A table of a file.
-pub(super) trait Table: Sized {
-    /// Names of all its keys, which it must have.
-    const NAMES: &'static [&'static str];
-
-    /// Reads it.
-    ///
-    /// # Errors
-    /// [`FileError`] for a value that is missing or refused.
-    fn read(table: &TableSection<'_>) -> Result<Self, FileError>;
 }
 
 /// Declares a table: first what is no quantity, with the way to read it; then its quantities.
@@ -62,7 +49,7 @@ macro_rules! table {
             }
         }
 
-        impl $crate::stack::key::Table for $table {
+        impl $crate::stack::document::Table for $table {
             const NAMES: &'static [&'static str] = &[$($name,)* $($key),+];
 
             fn read(

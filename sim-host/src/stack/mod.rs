@@ -13,9 +13,9 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 pub use disturbances::Disturbances;
-use document::{FileError, TableSection};
+use document::{FileError, Table, TableSection};
 pub use key::Key;
-use key::{Table, table};
+use key::table;
 
 table! {
     /// A kind of sensor: its nominal values and the spread between single sensors.
