@@ -70,7 +70,7 @@ impl Measurement {
         ))?;
         let (fit, curved) = ramps.solve()?;
         let ratio = fit.load_ratio()?;
-        let scatter = ramps.scatter(&fit);
+        let scatter = ramps.scatter().of_mean().unwrap_or(1.0).max(1.0);
         let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);

@@ -1,6 +1,5 @@
 //! Running sums of a train, and secondary statistics.
 
-use palpate_model::math::sqrt;
 use palpate_model::ramp::{
     Basis, DriftModel, Fit, Noise, Ramp, RampRefusal, RampSample, Reference, Scatter, Term,
 };
@@ -25,8 +24,6 @@ pub(super) struct Ramps {
     single: (u8, Ramp),
     /// Estimates of the single ramps.
     scatter: Scatter,
-    /// Sum of the single ramps' reduced chi-squares, and their number.
-    within: (f32, f32),
     /// Minimum and maximum of the regressor.
     regressors: (f32, f32),
 }
@@ -94,7 +91,6 @@ impl Ramps {
             of_single: if drift.is_some() { 3 } else { 2 },
             single: (0, sums),
             scatter: Scatter::default(),
-            within: (0.0, 0.0),
             regressors: (f32::INFINITY, f32::NEG_INFINITY),
         })
     }
@@ -144,34 +140,16 @@ impl Ramps {
     fn close_single(&mut self, next: u8) {
         let alone = self.sums.since(&self.single.1);
         let fit = alone.and_then(|alone| alone.fit_first(self.of_single, Noise::Residual));
-        if let Some(Ok(fit)) = fit
-            && let Ok(ratio) = fit.load_ratio()
-        {
+        if let Some(Ok(ratio)) = fit.map(|fit| fit.and_then(|fit| fit.load_ratio())) {
             self.scatter.add(ratio.value, ratio.standard_error);
-            let (sum, count) = self.within;
-            self.within = (sum + fit.reduced_chi_square().unwrap_or(1.0), count + 1.0);
         }
         self.single = (next, self.sums);
     }
 
-    /// Returns the factor by which the error of a fit to the whole train is too small, or too large.
-    ///
-    /// Vibration within a ramp counts as noise of its samples: in the fit of the train, which contains
-    /// all of it, and in those of the single ramps, each with a drift of its own, less. The scatter of
-    /// the single ramps is relative to their own noise, so it is that noise, not the train's, that it
-    /// multiplies.
-    pub(super) fn scatter(&mut self, fit: &Fit) -> f32 {
+    /// Returns the estimates of the single ramps, including the last one.
+    pub(super) fn scatter(&mut self) -> &Scatter {
         self.close_single(self.single.0);
-        let of_mean = self.scatter.of_mean().unwrap_or(1.0).max(1.0);
-        let (sum, count) = self.within;
-        let within = sum / count;
-        let train = fit.reduced_chi_square().unwrap_or(1.0);
-        let base = sqrt(within.max(1.0) / train.max(1.0));
-        if base.is_finite() {
-            of_mean * base
-        } else {
-            of_mean
-        }
+        &self.scatter
     }
 }
 
