@@ -47,10 +47,6 @@ const ALLOWED: &[(&str, &str)] = &[
          buffer's; a page state that it has just looked up",
     ),
     (
-        "palpate_storage",
-        "the same, where the library is inlined into it",
-    ),
-    (
         "palpate_firmware",
         "rtt-target and the HAL at the start: channels and endpoints that are set up once; heapless: the \
          length of a queue's buffer, a constant; rtic-time as above",
