@@ -370,7 +370,7 @@ fn a_campaign_counts_in_every_world() {
     };
     let holds = |row: &str| {
         let cells: Vec<String> = row.split('|').map(|cell| cell.trim().to_owned()).collect();
-        cells[2..5].to_vec()
+        cells[3..6].to_vec()
     };
     assert_eq!(holds(calibrated), ["3", "0", "100.0 %"], "{calibrated}");
     // The sensor cannot know this error, but the interval that misses the truth counts as a miss.
