@@ -25,6 +25,7 @@ use palpate_simulate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_
 use palpate_simulate::press::{CLEARANCE_M, Press};
 use palpate_simulate::verdict::Verdict;
 use palpate_wire::record::UncertaintyBudget;
+use serde::Serialize;
 
 use crate::drawn::DrawnSensors;
 
@@ -41,8 +42,7 @@ pub(crate) struct Arguments {
 /// Causes of an error.
 const CAUSES: [&str; 4] = ["press", "temperature", "calibration", "all"];
 
-/// Error of c_S/c_L by a cause, with its claimed standard uncertainty, both relative to W = 1 +
-/// c_S/c_L: a sensor whose layers are equally stiff measures W + 1.
+/// Error of c_S/c_L by a cause, with its claimed standard uncertainty, both relative to 1 + c_S/c_L.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Part {
     error: f64,
@@ -200,6 +200,13 @@ fn measured(
 
 fn print(arguments: &Arguments, stack: &str, presses: &[Parts]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
+    if arguments.drawn.json {
+        for (load, cause, ratio) in rows(&arguments.drawn.loads, presses) {
+            let row = serde_json::json!({ "load": load, "cause": cause, "of": ratio });
+            writeln!(out, "{row}")?;
+        }
+        return Ok(());
+    }
     let figure = CAUSES.iter().enumerate().map(|(cause, name)| {
         let parts = presses.iter().filter_map(|press| press.of.get(cause));
         format!("{:.2} ({name})", Ratio::of(parts).standardised)
@@ -222,14 +229,28 @@ fn print(arguments: &Arguments, stack: &str, presses: &[Parts]) -> Result<(), Fa
     Ok(())
 }
 
+/// Each cause at each load.
+fn rows<'p>(
+    loads: &'p [f64],
+    presses: &'p [Parts],
+) -> impl Iterator<Item = (String, &'static str, Ratio)> {
+    loads.iter().flat_map(move |ratio| {
+        CAUSES.iter().enumerate().map(move |(index, cause)| {
+            let of_load = presses.iter().filter(|press| press.ratio == *ratio);
+            let parts = of_load.filter_map(|press| press.of.get(index));
+            (load_name(*ratio), *cause, Ratio::of(parts))
+        })
+    })
+}
+
 fn table(loads: &[f64], presses: &[Parts]) -> Table {
     let mut table = Table::new();
     table.load_style(ASCII_MARKDOWN);
     table.set_header(["load"].into_iter().chain(CAUSES));
-    for ratio in loads {
-        let of_load = || presses.iter().filter(|press| press.ratio == *ratio);
-        let cells = (0..CAUSES.len()).map(|cause| {
-            let ratio = Ratio::of(of_load().filter_map(|press| press.of.get(cause)));
+    let rows: Vec<_> = rows(loads, presses).collect();
+    for of_load in rows.chunks(CAUSES.len()) {
+        let load = of_load.first().map(|(load, ..)| load.clone());
+        let cells = of_load.iter().map(|(.., ratio)| {
             format!(
                 "{:.3}; {:.3}; {:.2}",
                 ratio.error * 100.0,
@@ -237,7 +258,7 @@ fn table(loads: &[f64], presses: &[Parts]) -> Table {
                 ratio.standardised
             )
         });
-        table.add_row([load_name(*ratio)].into_iter().chain(cells));
+        table.add_row(load.into_iter().chain(cells));
     }
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
@@ -246,7 +267,7 @@ fn table(loads: &[f64], presses: &[Parts]) -> Table {
 }
 
 /// Root mean squares of parts.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 struct Ratio {
     error: f64,
     claimed: f64,

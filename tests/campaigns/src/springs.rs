@@ -17,7 +17,7 @@ use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_simulate::campaign::counted::quantile;
-use palpate_simulate::campaign::coverage::{Coverage, Verdict};
+use palpate_simulate::campaign::coverage::{Coverage, Judgement};
 use palpate_simulate::demo;
 use palpate_simulate::engine::Native;
 use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
@@ -167,7 +167,7 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
             intervals: all,
             ..
         } = coverage;
-        hold &= all > 0 && coverage.verdict() != Verdict::Fail;
+        hold &= all > 0 && coverage.judgement() != Judgement::Fail;
         ways.push(format!(
             "{covered} of {all} ({name}, {failed} sensors not calibrated)"
         ));

@@ -24,7 +24,7 @@ pub struct Coverage {
 /// What a campaign says of intervals of 95 %. The rule is fixed before a campaign runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub enum Judgement {
     /// The lower bound of the coverage is at least 92 %.
     Pass,
     /// The upper bound of the coverage is below 95 %.
@@ -71,13 +71,13 @@ impl Coverage {
     }
 
     /// Judges the intervals.
-    pub fn verdict(&self) -> Verdict {
+    pub fn judgement(&self) -> Judgement {
         if self.intervals > 0 && self.upper < STATED {
-            Verdict::Fail
+            Judgement::Fail
         } else if self.lower >= PASSES_FROM {
-            Verdict::Pass
+            Judgement::Pass
         } else {
-            Verdict::Undecided
+            Judgement::Undecided
         }
     }
 
@@ -86,7 +86,7 @@ impl Coverage {
     /// # Errors
     /// The coverage with its bounds.
     pub fn required(&self, of: &str) -> Result<(), Failure> {
-        if self.verdict() != Verdict::Fail {
+        if self.judgement() != Judgement::Fail {
             return Ok(());
         }
         Err(Failure::Refused(format!(
@@ -99,8 +99,8 @@ impl Coverage {
     }
 }
 
-impl Verdict {
-    /// The verdict in a word.
+impl Judgement {
+    /// The judgement in a word.
     pub fn word(self) -> &'static str {
         match self {
             Self::Pass => "pass",
@@ -232,12 +232,12 @@ mod tests {
 
     #[test]
     fn many_sensors_decide_and_few_do_not() {
-        assert_eq!(once(193, 7).verdict(), Verdict::Pass);
-        assert_eq!(once(190, 10).verdict(), Verdict::Undecided);
-        assert_eq!(once(180, 20).verdict(), Verdict::Fail);
-        assert_eq!(once(12, 0).verdict(), Verdict::Undecided);
-        assert_eq!(Coverage::default().verdict(), Verdict::Undecided);
+        assert_eq!(once(193, 7).judgement(), Judgement::Pass);
+        assert_eq!(once(190, 10).judgement(), Judgement::Undecided);
+        assert_eq!(once(180, 20).judgement(), Judgement::Fail);
+        assert_eq!(once(12, 0).judgement(), Judgement::Undecided);
+        assert_eq!(Coverage::default().judgement(), Judgement::Undecided);
         // Three standard deviations let this one pass with 30 sensors.
-        assert_eq!(once(25, 5).verdict(), Verdict::Fail);
+        assert_eq!(once(25, 5).judgement(), Judgement::Fail);
     }
 }

@@ -461,7 +461,10 @@ fn number(value: Option<f64>) -> String {
 fn bounds(coverage: &Coverage) -> String {
     let part = |bound: f64| bound * 100.0;
     let (lower, upper) = (part(coverage.lower), part(coverage.upper));
-    format!("{lower:.1} to {upper:.1} %, {}", coverage.verdict().word())
+    format!(
+        "{lower:.1} to {upper:.1} %, {}",
+        coverage.judgement().word()
+    )
 }
 
 fn table(result: &WorldResult) -> Table {
