@@ -317,7 +317,7 @@ mod tests {
         assert!((errors - all.error).abs() < 1e-12, "{of:?}");
         let squares = [press, temperature, calibration].map(|part| part.claimed.powi(2));
         let claimed = squares.iter().sum::<f64>().sqrt();
-        assert!((claimed / all.claimed - 1.0).abs() < 1e-3, "{of:?}");
+        assert!((claimed / all.claimed - 1.0).abs() < 1e-5, "{of:?}");
         assert!(press.error != 0.0 && temperature.error != 0.0 && calibration.error != 0.0);
     }
 }
