@@ -1,4 +1,4 @@
-//! Results in words: stiffness, refusals, and the main cause of an interval with its remedy.
+//! Describes results: stiffness, refusals, and the main cause of an interval with its remedy.
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
@@ -42,7 +42,7 @@ pub fn refusal(refusal: &Refusal) -> String {
     }
 }
 
-/// Formats a number of a refusal in the unit that belongs to its reason.
+/// Formats a value of a refusal in the unit for its reason.
 fn quantity(reason: RefusalReason, value: f32) -> String {
     match reason {
         RefusalReason::PressedTooLittle
@@ -83,7 +83,7 @@ pub fn budget_of<'r>(
     })
 }
 
-/// Names the largest cause of an interval, its share of the variance, and how to reduce it.
+/// Names the largest cause of an interval, its share of the variance, and its remedy.
 pub fn limited_by(budget: &UncertaintyBudget) -> String {
     let causes = causes(budget);
     let whole: f32 = causes.iter().map(|cause| cause.part * cause.part).sum();

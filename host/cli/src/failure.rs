@@ -77,7 +77,7 @@ impl Failure {
 }
 
 impl Finding {
-    /// Converts the failure of a board that was present when it was opened.
+    /// Converts a failure that occurred while the board was open.
     pub fn of(failure: Failure) -> Self {
         match failure {
             Failure::Unconnected(finding) => finding,

@@ -59,7 +59,7 @@ mod tests {
     fn results_come_in_order_and_before_the_end() {
         let computed = AtomicUsize::new(0);
         let compute = |index: usize| {
-            // Neighbours finish in the wrong order.
+            // Even indices take longer, so neighbours finish in the wrong order.
             sleep(Duration::from_millis(if index.is_multiple_of(2) {
                 4
             } else {

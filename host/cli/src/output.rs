@@ -19,7 +19,7 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Checks that the file can be written, without changing or leaving anything.
+    /// Checks that the file can be written. The check changes no file and leaves none.
     pub fn new(argument: &'static str, path: &Path) -> Result<Self, Failure> {
         let output = Self {
             path: path.to_path_buf(),
@@ -74,7 +74,7 @@ impl OutputFile {
         }
     }
 
-    /// Refuses a file that is also the input, since writing would replace it.
+    /// Fails if the output is also the input, since writing would replace the input.
     pub fn apart_from(self, input: &Path) -> Result<Self, Failure> {
         if self.is_special() || place(&self.path) != place(input) {
             return Ok(self);
@@ -131,13 +131,13 @@ impl OutputFile {
             .and_then(|file| filled(file, write))
             .and_then(|()| fs::rename(&temporary, self.target()));
         if written.is_err() {
-            // A temporary file that cannot be removed is left.
+            // A temporary file that cannot be removed stays; the caller gets the write error.
             let _ = fs::remove_file(&temporary);
         }
         written
     }
 
-    /// Whether the path is a device or a pipe, such as /dev/stdout, which is written directly.
+    /// Whether the path is a device or a pipe, such as /dev/stdout. These are written directly.
     pub fn is_special(&self) -> bool {
         fs::metadata(&self.path).is_ok_and(|data| !data.is_file() && !data.is_dir())
     }
@@ -158,7 +158,7 @@ impl OutputFile {
     }
 }
 
-/// Refuses the same file under two arguments: the second would replace the first.
+/// Fails if two arguments name the same file, since the second output would replace the first.
 pub fn distinct<'o>(outputs: impl IntoIterator<Item = &'o OutputFile>) -> Result<(), Failure> {
     let mut places = HashMap::new();
     for output in outputs.into_iter().filter(|output| !output.is_special()) {

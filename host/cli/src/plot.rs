@@ -181,8 +181,8 @@ impl Series {
     }
 }
 
-/// Keeps the minimum and maximum of each piece, in their order: drawn, the result looks like the
-/// whole curve.
+/// Reduces a curve to the minimum and maximum of each piece, in order of time. The drawn curve
+/// looks the same.
 pub fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let piece = profile.len().div_ceil(PIECES).max(1);
     let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
@@ -205,7 +205,7 @@ pub fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
 /// An SVG drawing area.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Returns a drawing of this size, in pixels, as SVG, on white so that it stays readable on a dark
+/// Draws on a white area of `size` pixels and returns the SVG. White keeps it readable on a dark
 /// page.
 pub fn svg(
     size: (u32, u32),
@@ -364,7 +364,7 @@ impl Chart {
     }
 }
 
-/// A range with its marks at given values.
+/// An axis range with the positions of its marks.
 struct Marked {
     span: Range<f64>,
     marks: Vec<f64>,
@@ -400,7 +400,7 @@ impl Ranged for Marked {
 
 type Context<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked, Marked>>;
 
-/// Range from the minimum to the maximum with a margin; never empty.
+/// Returns the range from the minimum to the maximum with a margin; never empty.
 fn span(places: &[f64]) -> Range<f64> {
     let low = places.iter().copied().fold(f64::INFINITY, f64::min);
     let high = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);

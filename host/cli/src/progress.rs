@@ -11,7 +11,7 @@ use crate::notice;
 /// Interval between two lines of progress. A computation that is shorter prints none.
 const EVERY: Duration = Duration::from_secs(30);
 
-/// A bar on the terminal, or lines.
+/// A progress bar on the terminal, or lines of progress on standard error.
 pub struct Progress {
     bar: ProgressBar,
     /// Time of the last line; `None` with a bar.
@@ -19,7 +19,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Creates a progress that shows nothing, for verbs that print lines while they run.
+    /// Creates a hidden progress, for verbs that print lines while they run.
     pub fn hidden() -> Self {
         Self {
             bar: ProgressBar::hidden(),

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use palpate_sim::stack::quantity::Allowed;
 
-/// Longest duration, s (31 years): added to the time of any of the tool's clocks, it does not
+/// Longest duration, s (31 years). Adding it to the time of any clock of the tool does not
 /// overflow.
 const LONGEST_S: f64 = 1e9;
-/// Stiffness of the softest and of the stiffest allowed spring, in units of the sensing layer's.
+/// Smallest and largest allowed spring stiffness, relative to the sensing layer.
 const LOADS: [f64; 2] = [1e-3, 1e3];
 
-/// Returns a parser of numbers within limits, in a unit; empty for a pure number.
+/// Returns a parser of numbers from `least` to `most`. `unit` is empty for a pure number.
 pub fn within(
     least: f64,
     most: f64,
@@ -31,7 +31,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(time_s).map_err(|error| error.to_string())
 }
 
-/// Parses a spring's stiffness as a multiple of the sensing layer's.
+/// Parses a spring's stiffness relative to the sensing layer.
 pub fn load(text: &str) -> Result<f64, String> {
     let [least, most] = LOADS;
     within(least, most, "")(text)

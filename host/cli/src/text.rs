@@ -8,8 +8,8 @@ use palpate_sim::stack::document::text_of;
 
 use crate::failure::Failure;
 
-/// Limit of an input's size, bytes, since a device may never end. A day of conversion words at 1
-/// kHz has fewer bytes.
+/// Size limit of an input, bytes, since a device may send data without end. A day of conversion
+/// words at 1 kHz is smaller.
 const MOST_BYTES: u64 = 1_000_000_000;
 
 /// Reads the text of a file, without a byte order mark.
@@ -20,7 +20,7 @@ pub fn of_file(file: &Path) -> Result<String, Failure> {
     of_bytes(bytes_of_file(file)?, file)
 }
 
-/// Reads the text of an input; `name` is for errors.
+/// Reads the text of an input; errors refer to the input as `name`.
 pub fn of(from: impl Read, name: &Path) -> Result<String, Failure> {
     of_bytes(bytes(MOST_BYTES, from, name)?, name)
 }

@@ -42,10 +42,10 @@ const CURRENT: Quantity = Quantity {
     of: |sample| sample.current_a.map(f64::from),
 };
 
-/// Displacement of the load at a force, N, in m, where it is known.
+/// Function from force, N, to the true displacement of the load, m; `None` if unknown.
 pub type Truth<'t> = Option<&'t dyn Fn(f64) -> f64>;
 
-/// Charts of one measurement, or of the whole story without one.
+/// Charts of one measurement, or of the whole recording if `measurement` is `None`.
 pub fn of_measurement(
     story: &Story,
     measurement: Option<&Measurement>,
@@ -81,7 +81,7 @@ pub fn over_time(
     })
 }
 
-/// Chart of 1/x against the actuated layer's compliance, with the fitted line.
+/// Chart of 1/x (x: deformation) against the actuated layer's compliance, with the fitted line.
 fn line(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let measured = points
@@ -104,7 +104,7 @@ fn line(line: &TrainLine) -> Chart {
     }
 }
 
-/// Residuals of the line over time.
+/// Residuals of the fitted line over time.
 fn residuals(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let points = points.map(|point| (point.time_s, point.residual_m * 1e9));
@@ -117,8 +117,8 @@ fn residuals(line: &TrainLine) -> Chart {
     }
 }
 
-/// Chart of the force against the displacement of the load. The displacement is relative to the
-/// middle of the ramps, since the ramps do not show what it was before.
+/// Chart of the force against the displacement of the load. The displacement counts from the middle
+/// point: its value before the ramps is unknown.
 fn load_curve(points: &[LoadPoint], truth: Truth<'_>) -> Option<Chart> {
     let middle = points.get(points.len() / 2)?;
     let from_m = f64::from(middle.displacement_m);

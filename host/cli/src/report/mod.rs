@@ -15,17 +15,17 @@ use crate::plot::Chart;
 pub struct Report {
     /// Title of the page.
     pub title: String,
-    /// What was measured, a paragraph each.
+    /// Description of the measurements, one string per paragraph.
     pub about: Vec<String>,
-    /// Heading of each column of the table.
+    /// Column headings of the table.
     pub columns: &'static [&'static str],
-    /// A row of the table for each measurement.
+    /// Rows of the table, one per measurement.
     pub rows: Vec<Row>,
     /// Result of all measurements in words.
     pub summary: Option<String>,
     /// Charts of all measurements together.
     pub charts: Vec<Chart>,
-    /// A section for each measurement.
+    /// Sections, one per measurement.
     pub sections: Vec<Section>,
 }
 
@@ -38,7 +38,7 @@ pub struct Row {
     pub missed: bool,
 }
 
-/// A measurement.
+/// Section about one measurement.
 #[derive(Debug)]
 pub struct Section {
     /// Name and result.

@@ -1,4 +1,4 @@
-//! What a report shows of the records of an instrument.
+//! Samples and measurements for a report, collected from an instrument's records.
 
 use palpate_wire::Record;
 use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
@@ -6,10 +6,10 @@ use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 use crate::describe::limited_by;
 use crate::train_line::{Train, TrainLine};
 
-/// Time before a measurement's result that its charts show, s: for a short press it begins before
-/// the touch.
+/// Time that the charts show before a measurement's result, s. For a short press it includes the
+/// first contact.
 const BEFORE_S: f64 = 3.0;
-/// Time after a measurement's result that its charts show, s.
+/// Time that the charts show after a measurement's result, s.
 const AFTER_S: f64 = 0.5;
 
 /// The shown parts of a recording, or of a simulated press.
@@ -17,7 +17,7 @@ const AFTER_S: f64 = 0.5;
 pub struct Story {
     /// Samples of the first converter, each with its time, s.
     pub samples: Vec<(f64, Sample)>,
-    /// Measurements in their order.
+    /// Measurements in order of time.
     pub measurements: Vec<Measurement>,
     train: Train,
     /// Largest cause of the next result's interval.
@@ -47,8 +47,8 @@ impl Measurement {
 }
 
 impl Story {
-    /// Starts with an instrument, or with its next boot, that has these settings and this
-    /// calibration in force.
+    /// Starts with a new instrument or a new boot; `in_force` has the settings and calibration in
+    /// force.
     pub fn boot(&mut self, in_force: &[Record]) {
         self.train = Train::with(in_force);
     }

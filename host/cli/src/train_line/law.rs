@@ -1,4 +1,4 @@
-//! Compliance of the actuated layer for a sample, by the calibration in force.
+//! Compliance of the actuated layer during a sample, by the calibration in force.
 
 use palpate_sim::current::effective_current_a;
 use palpate_wire::Record;
@@ -12,7 +12,7 @@ use palpate_wire::record::Sample;
 pub(super) struct Law {
     settings: Settings,
     sensing_n_per_m: f64,
-    /// c_S/c_D0.
+    /// c_S/c_D0: stiffness of the sensing layer over that of the actuated layer without current.
     ratio: f64,
     attraction_n_per_a2: f64,
     /// Knots of the curve: current, A, and relative rise of the actuated spring.
@@ -20,7 +20,7 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// Creates it from the board's records of settings and calibration; `None` if a part is
+    /// Creates the law from the board's records of settings and calibration; `None` if a part is
     /// missing.
     pub(super) fn of(records: &[Record]) -> Option<Self> {
         let springs = last(records, |record| match record {
@@ -58,8 +58,8 @@ impl Law {
         &self.settings
     }
 
-    /// Relative rise at a current, A, interpolated between the knots. For a square law with 32
-    /// knots the error is at most 0.03 % of the rise at the peak, 1/(4 * 31^2).
+    /// Relative rise of the actuated spring at a current, A, interpolated between the knots. For a
+    /// square law with 32 knots the error is at most 1/(4 * 31^2) = 0.03 % of the rise at the peak.
     fn rise(&self, current_a: f64) -> f64 {
         let current_a = current_a.abs();
         let later = self.rise.partition_point(|(at_a, _)| *at_a < current_a);
@@ -73,7 +73,8 @@ impl Law {
         }
     }
 
-    /// c_S/c_D(I), with the attraction as a compliance.
+    /// Compliance of the actuated layer relative to the sensing layer: c_S/c_D(I) plus the effect
+    /// of the attraction.
     pub(super) fn compliance(&self, reading: &Reading) -> f64 {
         let ratio = self.ratio / (1.0 + self.rise(reading.current_a));
         let pull_n = self.attraction_n_per_a2 * reading.current_a.powi(2);
@@ -81,12 +82,12 @@ impl Law {
     }
 }
 
-/// The last record of a kind.
+/// Returns the last record of a kind.
 fn last<'r, T>(records: &'r [Record], of: impl Fn(&'r Record) -> Option<&'r T>) -> Option<&'r T> {
     records.iter().rev().find_map(of)
 }
 
-/// A sample with all needed quantities.
+/// The quantities of a sample that the law needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
     /// Device time, s.
@@ -166,7 +167,7 @@ mod tests {
     fn without_all_parts_of_a_calibration_there_is_no_law() {
         let parts = Law::made_parts();
         assert!(Law::of(&parts).is_some());
-        // Parts without the curve, without the settings, and without the springs.
+        // Leaves out the curve, then the settings, then the springs.
         for part in [&parts[..4], &parts[4..5], &parts[5..6]] {
             let others = parts.iter().filter(|of| !part.contains(of));
             let others: Vec<_> = others.cloned().collect();

@@ -1,9 +1,9 @@
-//! Line of the last train: 1/x against the actuated layer's compliance g, in units of the sensing
-//! layer's. The line is zero at g = -(1 + kappa), which gives the load.
+//! Fitted line of the last train: 1/x against g. x is the deformation; g is the actuated layer's
+//! compliance relative to the sensing layer. The line is zero at g = -(1 + kappa), which gives
+//! kappa = c_S/c_L of the load.
 //!
-//! The points are the board's samples. The line is fitted here, in `f64` and by the code of the
-//! calibration's bench, so it is independent of the board's own arithmetic, whose result is shown
-//! beside it.
+//! The points are the board's samples. The fit uses `f64` and the code of the calibration's bench,
+//! so it is independent of the board's own fit, which `TrainLine` also contains.
 
 mod law;
 
@@ -22,16 +22,16 @@ const DRAWN: usize = 600;
 /// A measured point with the value of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// c_S/c_D(I), with the attraction as a compliance.
+    /// Compliance g: c_S/c_D(I) plus the effect of the attraction.
     pub compliance: f64,
-    /// 1/x without the drift, 1/m.
+    /// 1/x without the drift, 1/m; x is the deformation.
     pub inverse_per_m: f64,
     /// Value of the line, 1/m.
     pub line_per_m: f64,
     /// Time since the first ramp, s.
     #[serde(skip)]
     pub time_s: f64,
-    /// Measured deformation x less the one that the line gives, m.
+    /// Measured deformation less the deformation by the line, m.
     #[serde(skip)]
     pub residual_m: f64,
 }
@@ -40,18 +40,18 @@ pub struct Point {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainLine {
     measurement: u32,
-    /// Every n-th sample, sorted by rising compliance.
+    /// Every n-th sample, in order of rising compliance.
     pub points: Vec<Point>,
-    /// Number n of samples per drawn point.
+    /// Number n: one sample in n is drawn.
     every: usize,
-    /// c_S/c_L from this line.
+    /// c_S/c_L by this fit.
     pub load_ratio: f64,
-    /// c_S/c_L from the board, and its standard error.
+    /// c_S/c_L by the board's fit, and its standard error.
     board_load_ratio: f32,
     board_standard_error: f32,
 }
 
-/// Collects the samples of a train.
+/// Collects the samples of a train and fits its line.
 #[derive(Debug, Default)]
 pub struct Train {
     /// Latest records of the board's settings and calibration.
@@ -62,7 +62,7 @@ pub struct Train {
 }
 
 impl Train {
-    /// Creates it for a board with these settings and this calibration in force.
+    /// Creates a train for a board with these settings and this calibration in force.
     pub fn with(parts: &[Record]) -> Self {
         let mut train = Self::default();
         for part in parts {
@@ -71,12 +71,12 @@ impl Train {
         train
     }
 
-    /// Processes a record at a time, s. The result of a measurement returns its line.
+    /// Processes a record with its time, s. An estimate returns the line of its train.
     pub fn take(&mut self, time_s: f64, record: &Record) -> Option<TrainLine> {
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
-            // Records may arrive out of the order of their times: samples from the peak on are
-            // kept, and those of the ramps are selected by time.
+            // Records may arrive out of order, so this keeps all samples from the peak on and
+            // selects those of the ramps by time.
             Record::State(change) if change.state == State::Peak => self.readings.clear(),
             Record::State(change) if change.state == State::Ramps => self.began_s = Some(time_s),
             Record::Estimate(estimate) => return self.line(estimate),
@@ -221,7 +221,7 @@ mod tests {
                 deformation_m: 300e-6,
                 current_a,
             };
-            // Solves x (1 + kappa + g) = x_0, where g depends on x a little.
+            // Solves x (1 + kappa + g) = x_0 by iteration, since g depends slightly on x.
             for _ in 0..9 {
                 let level = 1.0 + LOAD_RATIO + law.compliance(&reading);
                 reading.deformation_m = 1e-3 / level;
