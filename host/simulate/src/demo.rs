@@ -42,7 +42,7 @@ pub struct Arguments<E: EngineChoice> {
     engine: E,
 }
 
-/// Springs in units of the sensing layer's; the last load is a rigid block.
+/// Springs, relative to the sensing layer. A rigid block follows them as the last load.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 /// Runs the verb.

@@ -24,7 +24,7 @@ pub struct CalibratedInstrument {
     pub switches: Switches,
     /// Calibration in use.
     pub calibration: Calibration,
-    /// The bench's train without a press.
+    /// Train without a press, recorded on the bench.
     pub untouched: Run,
     /// The calibration from the bench, before any check.
     pub calibrated: Vec<Command>,
@@ -34,36 +34,36 @@ pub struct CalibratedInstrument {
     pub depth_m: f64,
 }
 
-/// Depths of all presses, in units of the working depth: users' hands vary by as much.
+/// Depths of all presses, relative to the working depth. Presses by hand vary as much.
 const DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
 /// Greatest deformation of the sensing layer at the peak current, m: that of the deepest press with
-/// the shipped designs (soft-closed: 0.4 mm, 1.4 times, 1.08 times as deep at the peak). The layer
-/// is flat at 0.9 mm, and its inductance rises ever more steeply before.
+/// the shipped designs (soft-closed: 0.4 mm, times 1.4 for the depth, times 1.08 at the peak). At
+/// 0.9 mm the layer is flat; its inductance rises ever more steeply towards that.
 const REACH_M: f64 = 0.62e-3;
 /// Springs of the bench, in units of the nominal c_S.
 const SPRINGS: [f64; 6] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 /// Speed of all presses, m/s.
 pub const SPEED_M_PER_S: f64 = 2e-3;
-/// Time from the end of the press to the train on the bench, s. In use the press is found steady,
-/// and the current rises, 0.15 to 0.26 s after its end, 0.21 s in the mean of 40 presses of 0.2 to
-/// 5 c_S on eight simulated sensors of the design `ultrasoft`; here the coil's test, 0.06 s, comes
-/// before the rise. Both times must agree, since the layers creep: after a bench whose trains come
-/// 0.16 s earlier, loads of 5 c_S are read 2.4 % softer, and those of c_S 0.8 %.
+/// Time from the end of a press to the train on the bench, s. In use the current rises 0.15 to
+/// 0.26 s after the end of a press (0.21 s in the mean of 40 presses of 0.2 to 5 c_S on eight
+/// simulated sensors of the design `ultrasoft`); here the coil's test, 0.06 s, comes before the
+/// rise. Both times must agree, since the layers creep: after a bench whose trains come 0.16 s
+/// earlier, loads of 5 c_S are read 2.4 % softer, and those of c_S 0.8 %.
 const REST_S: f64 = 0.15;
 /// Greatest peak current, relative to the current that the supply drives through the warm coil.
 const OF_SUPPLY: f64 = 0.95;
-/// Resistance of the warm coil over that at rest: 50 K above a room that is [`WARMER_K`] warmer. A
-/// peak that the supply reaches in the cold room alone makes a rise that seems to change with the
+/// Resistance of the warm coil over that at rest: 50 K above a room that is [`WARMER_K`] warmer. If
+/// the supply reached the peak only in the cold room, the rise would seem to change with the
 /// temperature.
 const WARM: f64 = 1.27;
 
-/// Standard uncertainties of the temperature coefficients before they are measured: uniform within
-/// -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), and within 0.5 %/K for the rise
-/// (sim-host/stacks/disturbances.toml).
+/// Standard uncertainties of the temperature coefficients before their measurement, for uniform
+/// distributions: -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), within 0.5 %/K for
+/// the rise (sim-host/stacks/disturbances.toml).
 const SPRINGS_PER_K: f64 = 0.002_1;
 const RISE_PER_K: f64 = 0.002_9;
-/// Temperature of the second bench above that of the first, K: what a warm plate can add to sensor
-/// and board.
+/// Temperature of the second bench above that of the first, K: as much as a warm plate can heat
+/// sensor and board.
 const WARMER_K: f64 = 20.0;
 /// Tolerance of the bench's springs and of its load cell's gain, as in
 /// sim-host/stacks/disturbances.toml.
@@ -252,8 +252,8 @@ impl BenchTask {
 /// Resistance of a board's supply with its wires, ohm: the greatest that the simulation draws.
 const SUPPLY_OHM: f64 = 0.3;
 
-/// Greatest working depth at rest, m, for which the deepest press onto a rigid load stays within
-/// [`REACH_M`] at the peak current, by the design's nominal values: the actuated layer stiffens and
+/// Greatest working depth at rest, m, by the design's nominal values. With it the deepest press
+/// onto a rigid load stays within [`REACH_M`] at the peak current, where the stiffer actuated layer
 /// leaves more of the deformation to the sensing layer.
 fn greatest_depth_m(stack: &Stack) -> f64 {
     let ratio = stack.sensing_spring_n_per_m.centre() / stack.actuated_spring_n_per_m.centre();
@@ -263,8 +263,8 @@ fn greatest_depth_m(stack: &Stack) -> f64 {
     REACH_M / (deepest * deeper)
 }
 
-/// Peak current, A: that of the sensor design, or the supply's limit through the warm coil in whole
-/// tenths of an ampere.
+/// Peak current, A: that of the sensor design, or less if the supply cannot drive it through the
+/// warm coil. The supply's limit is rounded down to whole tenths of an ampere.
 fn affordable_peak_a(plant: &Parameters) -> f64 {
     let warm_ohm = WARM * plant.thermal.resistance_ohm;
     let affordable_a = OF_SUPPLY * plant.current.limit_a(warm_ohm);
@@ -272,7 +272,7 @@ fn affordable_peak_a(plant: &Parameters) -> f64 {
     tenths.min(plant.current.peak_a)
 }
 
-/// Data of the coil, as a manufacturer states them.
+/// Data of the coil as in a manufacturer's data sheet.
 pub fn coil(plant: &Parameters) -> Coil {
     let thermal = &plant.thermal;
     Coil {
@@ -281,8 +281,8 @@ pub fn coil(plant: &Parameters) -> Coil {
         pad_capacity_j_per_k: thermal.pad_j_per_k as f32,
         copper_to_pad_k_per_w: thermal.copper_to_pad_k_per_w as f32,
         pad_to_ambient_k_per_w: thermal.pad_to_ambient_k_per_w as f32,
-        // The gain of the current measurement is the same as in the calibration, so the calibrated
-        // rise contains its error.
+        // The current is measured with the same gain as in the calibration, so the calibrated rise
+        // already contains the error of the gain.
         current_uncertainty: 0.0,
     }
 }
@@ -317,7 +317,7 @@ mod tests {
             assert!(deviation.abs() < 3.0, "{found:?} {drawn}");
             assert!(drawn.abs() > 3.0 * found.uncertainty_per_k, "{drawn}");
         }
-        // The reverse order gives the same coefficients, with the calibration of the warm sensor.
+        // Exchanged sessions give the same coefficients, with the calibration of the warm sensor.
         let warm = evaluate_both(&second, &first, &task.known).unwrap();
         let again = warm.coefficients.unwrap().springs.per_k;
         assert!((again - found.springs.per_k).abs() < 1e-5, "{again}");

@@ -27,11 +27,11 @@ pub struct Press {
 
 /// Initial distance of objects above the sensor, m.
 pub const CLEARANCE_M: f64 = 0.2e-3;
-/// Time that the instrument gets for self-test and baseline before the press.
+/// Time for the instrument's self-test and baseline before the press.
 const BASELINE: Time = Time::from_ms(800);
 /// Longest wait for a result after the press.
 const PATIENCE: Time = Time::from_ms(30_000);
-/// Time that is simulated after the result, until the points of the load's curve have arrived.
+/// Simulated time after the result, in which the points of the load's curve arrive.
 const AFTERWARDS: Time = Time::from_ms(100);
 
 /// Outcome of one press.
@@ -117,7 +117,7 @@ mod tests {
     use crate::engine::{Native, press};
     use crate::instrument::{SPEED_M_PER_S, default_settings};
 
-    /// A press of a finger-like object that stiffens, with the points of its load curve.
+    /// Presses an object that stiffens like a finger. Also returns the points of its load curve.
     fn hardening(seed: u64, switches: Switches) -> (PressOutcome, Vec<LoadPoint>) {
         let instrument = CalibratedInstrument::calibrated(
             &Stack::builtin("ultrasoft").unwrap(),
@@ -149,10 +149,10 @@ mod tests {
         (pressed, points)
     }
 
-    /// Greatest deviation of the curve, relative to its middle, in standard errors.
+    /// Greatest deviation from the true curve, each about its middle, in standard errors.
     fn greatest_miss(pressed: &PressOutcome, points: &[LoadPoint]) -> f64 {
         let (first, last) = (&points[0], &points[points.len() - 1]);
-        // The curve is nearly straight between the outer points.
+        // The middle is the mean of the outer points: the curve is nearly straight between them.
         let middle = |of: fn(&LoadPoint) -> f32| 0.5 * f64::from(of(first) + of(last));
         let from_m = middle(|point| point.displacement_m);
         let truly_m = |point: &LoadPoint| pressed.displacement_m(point.force_n.into());
@@ -167,8 +167,8 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// The curve is within three standard errors for five of the seeds 1 to 6. On seed 5 the
-    /// bench's fit leaves an error of the stiffening's shape, which bends the line.
+    /// Of the seeds 1 to 6 only seed 5 deviates by more than three standard errors: there the
+    /// bench's fit leaves an error in the stiffening's shape, which bends the line.
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_curve_of_a_hardening_load_is_within_three_standard_errors() {

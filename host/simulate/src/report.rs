@@ -32,7 +32,7 @@ pub(crate) fn page(
     .page()
 }
 
-/// Settings and calibration that the line of a train takes.
+/// Settings and calibration as records, which the line of a train needs.
 fn in_force(instrument: &CalibratedInstrument) -> Vec<Record> {
     let commands = instrument.calibration.commands.iter().cloned();
     let records = commands.filter_map(|command| match command {
@@ -76,7 +76,7 @@ fn sentence(measured: &Measured) -> String {
     }
 }
 
-/// Claims against truth, all loads.
+/// Chart of the estimates with their intervals against the truth, for all loads.
 fn claims(row: &[Measured]) -> Chart {
     let estimates = || {
         row.iter().filter_map(|measured| {

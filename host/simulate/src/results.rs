@@ -156,8 +156,8 @@ impl Measured {
         }
     }
 
-    /// Half the width of the interval of 1/c_L, over the true 1/c_L. In this quantity the error is
-    /// nearly normal, and the width is finite even without an upper end.
+    /// Half the width of the interval of 1/c_L, relative to the true 1/c_L. The error of 1/c_L is
+    /// nearly normal, and its interval is finite even if that of c_L has no upper end.
     pub fn half_width(&self) -> Option<f64> {
         let estimate = self.verdict.estimate()?;
         let truth = self.pressed.true_n_per_m;

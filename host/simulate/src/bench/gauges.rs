@@ -23,8 +23,8 @@ impl From<RigReading> for GaugeReading {
     }
 }
 
-/// Combines a sample that the instrument took at a time, s, with the readings of the gauges at
-/// their own time. `None` for a sample without a channel.
+/// Combines a sample of the instrument, taken at `time_s`, with gauge readings taken at
+/// `gauges_time_s`. Returns `None` for a sample without a channel.
 pub fn bench_sample(
     time_s: f64,
     sample: &Sample,

@@ -82,7 +82,7 @@ pub fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
     (sum.0 / count, sum.1 / count)
 }
 
-/// Specimen on the simulated stage; without contact a block that stays above the sensor.
+/// Returns the specimen on the simulated stage. Without a press it is a block that stays lifted.
 pub const fn specimen(pressed: Pressed) -> Specimen {
     match pressed {
         Pressed::Nothing | Pressed::Block => Specimen::Block,
@@ -92,7 +92,7 @@ pub const fn specimen(pressed: Pressed) -> Specimen {
     }
 }
 
-/// Moves the stage to this depth of the sensing layer. Returns how long that takes.
+/// Starts to move the stage to this depth of the sensing layer. Returns the time that this takes.
 pub fn press(world: &mut World, depth_m: f64, speed_m_per_s: f64) -> Duration {
     let travel_m = world.press_for_depth_m(depth_m);
     world.move_press(travel_m, speed_m_per_s);

@@ -1,4 +1,4 @@
-//! A good session of a simulated sensor, with every error that a bench can introduce.
+//! Errors of a bench session: each is added to a good simulated session, which is then refused.
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ fn good() -> &'static (Session, Known) {
     })
 }
 
-/// Name of the fault for which the bench or the evaluation refuses a session.
+/// Name of the fault for which the checks or the evaluation refuse a session; `None` if accepted.
 fn refused(session: &Session, known: &Known) -> Option<String> {
     let untouched = session.runs.first();
     let runs = session.runs.iter().chain([&session.deepest_press]);
@@ -38,8 +38,8 @@ fn refused(session: &Session, known: &Known) -> Option<String> {
     name.or_else(|| evaluate(session, known).err().map(|of| of.to_string()))
 }
 
-/// Indices of runs on the block, on a soft spring and on one like the sensing layer. The runs are
-/// one without contact, three on the block, and three on each of six springs.
+/// Indices of the middle depth on the block, on a soft spring and on one like the sensing layer. A
+/// session has one run without contact, three on the block, and three on each of six springs.
 const BLOCK: usize = 2;
 const SOFT: usize = 8;
 const LIKE: usize = 14;
@@ -57,13 +57,13 @@ fn stage(session: &mut Session, spoil: impl Fn(f64) -> f64) {
     every(session, |line| line.stage_m = line.stage_m.map(&spoil));
 }
 
-/// Lines of a run after a time.
+/// Lines of a run later than a time.
 fn later(run: &mut Run, from_s: f64) -> impl Iterator<Item = &mut BenchSample> {
     let lines = run.lines.iter_mut();
     lines.filter(move |line| line.time_s > from_s)
 }
 
-/// Multiplies the deformation, that is the change of inductance, by a factor.
+/// Multiplies the deformation, as the change of inductance, and the force by a factor.
 fn deform(run: &mut Run, from_s: f64, times: f64) {
     let rest_hz = run.rest_hz().unwrap();
     for line in later(run, from_s) {
@@ -73,8 +73,8 @@ fn deform(run: &mut Run, from_s: f64, times: f64) {
     }
 }
 
-/// Adds a deformation, m, to that in a train. On the reference coil a micrometre is 0.25 parts in a
-/// thousand of the inductance.
+/// Adds a deformation, m, to the samples of a train. On the reference coil a micrometre changes the
+/// inductance by 0.25 parts in a thousand.
 fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
     let (rest_hz, from_s) = (run.rest_hz().unwrap(), run.ramps_s);
     for line in later(run, from_s) {
@@ -84,7 +84,7 @@ fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
     }
 }
 
-/// Changes the nominal stiffness of one of the springs.
+/// Changes the stated stiffness of one of the springs.
 fn rename(session: &mut Session, from: f64, to: f64) {
     for run in &mut session.runs {
         if run.pressed == (Pressed::Spring { n_per_m: from }) {
@@ -93,7 +93,7 @@ fn rename(session: &mut Session, from: f64, to: f64) {
     }
 }
 
-/// Replaces the runs of one specimen by those of another.
+/// Replaces the three runs of the specimen at `place` by those of the specimen at `of`.
 fn instead(session: &mut Session, place: usize, of: usize) {
     for depth in 0..3 {
         let pressed = session.runs[place + depth].pressed;
@@ -106,8 +106,8 @@ fn instead(session: &mut Session, place: usize, of: usize) {
 
 type Spoil = (&'static str, fn(&mut Session), &'static [&'static str]);
 
-/// Errors made in a session, with or without a load cell, and the faults that may be reported for
-/// each.
+/// Errors that can occur with and without a load cell, each with the faults that may be reported
+/// for it.
 const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     (
         "a spring typed in twice as stiff",
@@ -251,8 +251,8 @@ const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     ),
 ];
 
-/// Errors made in a session that only a load cell makes possible or shows, and the faults that may
-/// be reported for each.
+/// Errors that only a load cell makes possible or shows, each with the faults that may be reported
+/// for it.
 const WITH_LOAD_CELL: [Spoil; 13] = [
     (
         "a force in millinewtons",

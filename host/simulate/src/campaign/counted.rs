@@ -21,22 +21,22 @@ pub struct Counted {
     pub rms_ln: Option<f64>,
     /// Mean error.
     pub bias_ln: Option<f64>,
-    /// Median of the true c_L/c_S: load and what it stands on.
+    /// Median of the true c_L/c_S, with the load in series with its support.
     pub true_ratio: Option<f64>,
     /// Part of the intervals that contain the truth.
     pub coverage95: Option<f64>,
-    /// Root of the mean square of the errors of c_S/c_L over their own standard errors: 1 if these
-    /// are of the right size.
+    /// Root mean square of the errors of c_S/c_L, each over its own standard error. It is 1 if the
+    /// standard errors are right.
     pub rms_over_standard_error: Option<f64>,
-    /// Mean interval score, in ln: the interval's width, and forty times the distance of a truth
-    /// outside from the interval (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007, eq. 43). The
-    /// smaller, the better.
+    /// Mean interval score, in ln: the interval's width plus forty times the distance of a truth
+    /// outside the interval from it (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007, eq. 43).
+    /// Smaller is better.
     pub interval_score_ln: Option<f64>,
     /// Half of the intervals' median width, in ln.
     pub half_width_ln: Option<f64>,
     /// Part of the estimates with an error above four of their own standard errors and above 5 %.
     pub false_confidence: Option<f64>,
-    /// Root of the mean square error of the two-state formula, from rest and peak alone.
+    /// Root mean square error of the two-state formula, which uses rest and peak only.
     pub plain_rms_ln: Option<f64>,
 }
 
@@ -96,12 +96,12 @@ impl Counted {
         self.of_accepted(self.coverage95)
     }
 
-    /// How many estimates are falsely confident.
+    /// Number of falsely confident estimates.
     pub fn falsely_sure(&self) -> usize {
         self.of_accepted(self.false_confidence)
     }
 
-    /// Coverage of the presses of one load, one press a sensor, with its bounds.
+    /// Coverage for one load, with its bounds; each sensor has one press.
     pub fn coverage(&self) -> Coverage {
         let covered = self.covered();
         Coverage::of((0..self.accepted).map(|index| (usize::from(index < covered), 1)))
@@ -179,8 +179,8 @@ mod tests {
         let counted = Counted::of(presses.iter());
         assert_eq!((counted.accepted, counted.refused), (4, 1));
         assert_eq!(counted.coverage95, Some(0.5));
-        // An error of 3 % is more than two standard errors; one of 10 % is more than four, and more
-        // than 5 %.
+        // Only the error of 10 % counts: it exceeds four standard errors, which are 1 % each, and
+        // 5 %.
         assert_eq!(counted.false_confidence, Some(0.25));
         let near = |value: Option<f64>, expected: f64| {
             assert!(
@@ -190,12 +190,12 @@ mod tests {
         };
         near(counted.true_ratio, 0.9);
         near(counted.half_width_ln, 1.02_f64.ln());
-        // Each press is as many standard errors off as its error in per cent.
+        // The standard error is 1 %, so an error in per cent is also its number of standard errors.
         near(
             counted.rms_over_standard_error,
             ((1.0 + 1.0 + 9.0 + 100.0) / 4.0_f64).sqrt(),
         );
-        // 3 % and 10 % are beyond the interval's lower end.
+        // For the errors of 3 % and 10 % the truth lies below the lower end of the interval.
         let beyond = (1.03_f64 / 1.02).ln() + (1.1_f64 / 1.02).ln();
         near(
             counted.interval_score_ln,

@@ -1,27 +1,27 @@
-//! How many intervals contain the truth, and what that says of intervals of 95 %.
+//! Coverage of intervals of 95 %: how many contain the truth, and the judgement about them.
 
 use palpate_cli::failure::Failure;
 use serde::Serialize;
 
-/// Intervals of many sensors that contain the truth. The presses of one sensor share its
-/// calibration, and so hold or miss together: sensors are the units.
+/// Number of intervals that contain the truth, with bounds. The statistical unit is the sensor: its
+/// presses share one calibration, so their intervals tend to cover or to miss together.
 ///
-/// The bounds are those of Clopper and Pearson (Biometrika 26, 1934, p. 404), exact for one press of
-/// each sensor. For several of each the number of presses is replaced by the number of independent
-/// ones that scatter alike (Korn and Graubard, Survey Methodology 24, 1998, p. 193).
+/// The bounds are those of Clopper and Pearson (Biometrika 26, 1934, p. 404), exact for one press
+/// of each sensor. For several presses they use the number of independent presses with the same
+/// scatter (Korn and Graubard, Survey Methodology 24, 1998, p. 193).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Coverage {
     /// Intervals that contain the truth.
     pub covered: usize,
     /// All intervals.
     pub intervals: usize,
-    /// Lower end of the 95 % interval of the part that contains the truth.
+    /// Lower end of the 95 % confidence interval of the fraction that contains the truth.
     pub lower: f64,
-    /// Its upper end.
+    /// Upper end of that confidence interval.
     pub upper: f64,
 }
 
-/// What a campaign says of intervals of 95 %. The rule is fixed before a campaign runs.
+/// Judgement about intervals of 95 %. Its rule is fixed before a campaign runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Judgement {
@@ -29,19 +29,19 @@ pub enum Judgement {
     Pass,
     /// The upper bound of the coverage is below 95 %.
     Fail,
-    /// Neither: the sensors are too few.
+    /// Neither, since the sensors are too few.
     Undecided,
 }
 
-/// Least lower bound of the coverage of intervals that pass.
+/// Lower bound of the coverage from which intervals pass.
 const PASSES_FROM: f64 = 0.92;
 /// Stated coverage of the intervals.
 const STATED: f64 = 0.95;
-/// Probability that is left out at each end of the bounds.
+/// Probability beyond each end of the bounds.
 const EACH_END: f64 = 0.025;
 
 impl Coverage {
-    /// Computes the coverage of sensors, each given by its covered intervals and all of its
+    /// Computes the coverage. Each sensor is given by its numbers of covered intervals and of all
     /// intervals.
     pub fn of(sensors: impl IntoIterator<Item = (usize, usize)>) -> Self {
         let sensors = sensors.into_iter().filter(|(_, intervals)| *intervals > 0);
@@ -81,10 +81,10 @@ impl Coverage {
         }
     }
 
-    /// Checks that intervals, named by `of`, do not fail.
+    /// Fails if the intervals, named by `of`, fail.
     ///
     /// # Errors
-    /// The coverage with its bounds.
+    /// States the coverage with its bounds.
     pub fn required(&self, of: &str) -> Result<(), Failure> {
         if self.judgement() != Judgement::Fail {
             return Ok(());
@@ -110,8 +110,8 @@ impl Judgement {
     }
 }
 
-/// Number of independent presses whose covered part scatters as that of these sensors does, at most
-/// the number of presses. Where all hold or all miss, nothing scatters, and sensors count once.
+/// Effective number of presses: independent presses of this number give the covered part the same
+/// variance. At most the number of presses; without any variance the number of sensors.
 fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
     let count = sensors.len() as f64;
     let intervals = sensors.iter().map(|of| of.1).sum::<usize>() as f64;
@@ -121,7 +121,7 @@ fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
     });
     let variance =
         deviations.sum::<f64>() / (intervals * intervals) * count / (count - 1.0).max(1.0);
-    // Of presses that are independent the part has the variance p (1 - p)/(n - 1).
+    // For n independent presses the covered part p has the variance p (1 - p)/(n - 1).
     let alone = part * (1.0 - part) / (intervals - 1.0).max(1.0);
     if alone == 0.0 || variance == 0.0 {
         return count;
@@ -129,11 +129,11 @@ fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
     (intervals * alone / variance).min(intervals)
 }
 
-/// The x below which the beta distribution has the probability `below`, by bisection; `a` and `b`
+/// Quantile of the beta distribution at the probability `below`, by bisection. `a` and `b` must be
 /// above zero.
 fn beta_quantile(a: f64, b: f64, below: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
-    // Fifty halvings leave 1e-15.
+    // Fifty halvings leave an error of 1e-15.
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
         if beta_probability(a, b, middle) < below {
@@ -147,7 +147,7 @@ fn beta_quantile(a: f64, b: f64, below: f64) -> f64 {
 
 /// Regularised incomplete beta function: the probability below `x`.
 fn beta_probability(a: f64, b: f64, x: f64) -> f64 {
-    // The fraction converges fast below the mean; above, the function is that of 1 - x.
+    // The fraction converges fast below the mean. Above, I_x(a, b) = 1 - I_(1-x)(b, a).
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - beta_probability(b, a, 1.0 - x);
     }
@@ -156,10 +156,10 @@ fn beta_probability(a: f64, b: f64, x: f64) -> f64 {
     logarithm.exp() / (a * continued_fraction(a, b, x))
 }
 
-/// Continued fraction of the incomplete beta function (DLMF 8.17.22), from its last term to its
-/// first.
+/// Continued fraction of the incomplete beta function (DLMF 8.17.22), evaluated from its last term
+/// to its first.
 fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
-    /// Terms that leave an error of less than 1e-12 for 100,000 presses.
+    /// Number of terms that leave an error of less than 1e-12 for 100,000 presses.
     const TERMS: u32 = 1_000;
     (1..=TERMS).rev().fold(1.0, |fraction, term| {
         let m = f64::from(term / 2);
@@ -185,7 +185,7 @@ mod tests {
         )
     }
 
-    /// Sums of the binomial distribution, as Clopper and Pearson define their bounds.
+    /// Compares with the binomial sums by which Clopper and Pearson define the bounds.
     #[test]
     fn the_bounds_of_one_press_a_sensor_are_those_of_the_binomial_distribution() {
         let at_most = |k: usize, n: usize, p: f64| {
@@ -199,14 +199,14 @@ mod tests {
         };
         for (covered, all) in [(1, 10), (9, 10), (57, 60), (190, 200), (192, 200)] {
             let coverage = once(covered, all - covered);
-            // Counted by the missing ones, whose terms do not underflow.
+            // Sums over the misses, since the terms over the covered intervals underflow.
             let missing = all - covered;
             let below = 1.0 - at_most(missing - 1, all, 1.0 - coverage.upper);
             let above = at_most(missing, all, 1.0 - coverage.lower);
             assert!((below - 0.025).abs() < 1e-9, "{covered} of {all}: {below}");
             assert!((above - 0.025).abs() < 1e-9, "{covered} of {all}: {above}");
         }
-        // Of ten that all hold, the lower bound is the tenth root.
+        // If all ten intervals cover, the lower bound is the tenth root of 0.025.
         let all_hold = once(10, 0);
         assert!((all_hold.lower - 0.025_f64.powf(0.1)).abs() < 1e-12 && all_hold.upper == 1.0);
         assert_eq!(once(0, 10).lower, 0.0);
@@ -220,7 +220,7 @@ mod tests {
         let near = |one: f64, other: f64| assert!((one - other).abs() < 0.01, "{one} {other}");
         near(ten_each.lower, alone.lower);
         near(ten_each.upper, alone.upper);
-        // Presses that miss singly count each.
+        // Again 190 of 200, but ten sensors miss once each: presses are independent and count each.
         let apart = Coverage::of(
             [(9, 10)]
                 .repeat(10)
@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(once(180, 20).judgement(), Judgement::Fail);
         assert_eq!(once(12, 0).judgement(), Judgement::Undecided);
         assert_eq!(Coverage::default().judgement(), Judgement::Undecided);
-        // Three standard deviations let this one pass with 30 sensors.
+        // A limit of three standard deviations below 95 % would let 25 of 30 sensors pass.
         assert_eq!(once(25, 5).judgement(), Judgement::Fail);
     }
 }

@@ -124,7 +124,7 @@ fn load(text: &str) -> Result<f64, String> {
     within(0.01, 1e3, "")(text).map_err(|allowed| format!("{allowed}, or block"))
 }
 
-/// Runs the verb; `parquet` is a function that writes Parquet, if the program has one.
+/// Runs the verb. `parquet` writes Parquet; `None` in a program that cannot.
 ///
 /// # Errors
 /// Refusals and failures, with a remedy, and a coverage that is too low.
@@ -351,7 +351,7 @@ fn print(
     )?)
 }
 
-/// A depth of presses, given in units of the working depth, in words.
+/// Describes a press depth, given in units of the working depth, in words.
 pub fn in_working_depths(depth: f64) -> String {
     if depth == 1.0 {
         "its working depth".to_owned()
@@ -360,7 +360,7 @@ pub fn in_working_depths(depth: f64) -> String {
     }
 }
 
-/// One world in a sentence.
+/// Describes the result of one world in a sentence.
 fn figure(WorldResult { overall, bins, .. }: &WorldResult) -> String {
     let errors = bins.iter().filter_map(|bin| {
         let error = bin.counted.rms_ln?;
@@ -376,7 +376,7 @@ fn figure(WorldResult { overall, bins, .. }: &WorldResult) -> String {
     )
 }
 
-/// All worlds but the bench's in a sentence.
+/// Describes the sum over all worlds except the bench's in a sentence.
 fn figure_of_worlds(results: &[WorldResult]) -> String {
     let bench = World::Calibrated.name();
     let changed = results.iter().filter(|result| result.world != bench);
@@ -397,7 +397,7 @@ fn figure_of_worlds(results: &[WorldResult]) -> String {
     )
 }
 
-/// The worlds in which intervals miss the truth, the worst first, and those in which none does.
+/// Table of the worlds with missed intervals, the worst first, and lists of the other worlds.
 fn worlds(results: &[WorldResult]) -> String {
     let mut missing = Vec::new();
     let (mut whole, mut refused) = (Vec::new(), Vec::new());
@@ -434,7 +434,7 @@ fn worlds(results: &[WorldResult]) -> String {
     )
 }
 
-/// Why presses came to no estimate, and how many.
+/// Describes why presses gave no estimate, with the number of presses for each reason.
 pub fn without_estimate(reasons: &BTreeMap<String, usize>) -> String {
     let reasons = reasons.iter().map(|(reason, count)| {
         let reason = reason.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -457,7 +457,7 @@ fn number(value: Option<f64>) -> String {
     finite.map_or(String::new(), |value| format!("{value:.2}"))
 }
 
-/// Formats the bounds of a coverage with what they say.
+/// Formats the bounds of a coverage with its judgement.
 fn bounds(coverage: &Coverage) -> String {
     let part = |bound: f64| bound * 100.0;
     let (lower, upper) = (part(coverage.lower), part(coverage.upper));
@@ -517,7 +517,7 @@ fn reasons(plants: &[PlantResult]) -> BTreeMap<String, usize> {
     counts_of_reasons(of_plants.chain(of_presses))
 }
 
-/// Counts the reasons, without the numbers in them.
+/// Counts equal reasons. The numbers behind the colon of a reason are ignored.
 pub fn counts_of_reasons<'r>(reasons: impl Iterator<Item = &'r String>) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for reason in reasons {

@@ -26,9 +26,9 @@ pub struct Press {
     pub world: World,
     /// c_L/c_S; infinite for a block.
     pub ratio: f64,
-    /// Stiffness of the load with its support over the sensor's c_S; infinite for a rigid one.
+    /// Stiffness of the load in series with its support over c_S; infinite for a rigid load.
     pub true_ratio: f64,
-    /// Stiffness of the load with its support, N/m.
+    /// Stiffness of the load in series with its support, N/m.
     pub true_n_per_m: f64,
     /// The instrument's claim, or its reason for a refusal.
     pub outcome: Result<Claim, String>,
@@ -58,8 +58,8 @@ const TOLERANCE: f64 = 0.01;
 /// Spring of a check, in units of c_S.
 const CHECKED_BY: f64 = 1.0;
 
-/// Returns the instrument after the check by a train without a press in a world, or the reason why
-/// the check fails.
+/// Checks the calibration by a train without a press in a world. Returns the corrected instrument,
+/// or the reason why the check fails.
 fn checked_untouched(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -85,7 +85,7 @@ fn checked_untouched(
     ))
 }
 
-/// Returns the instrument with the checked calibration, or the reason why the check failed.
+/// Returns the instrument with the commands of a check, or the reason why the check failed.
 fn corrected(
     calibrated: &CalibratedInstrument,
     commands: Result<Vec<Command>, Unchecked>,
@@ -95,8 +95,8 @@ fn corrected(
     Ok(instrument)
 }
 
-/// Returns the instrument after the check by a known spring in a world, or the reason why the check
-/// fails.
+/// Checks the calibration by a known spring in a world. Returns the corrected instrument, or the
+/// reason why the check fails.
 fn checked(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -202,7 +202,7 @@ impl Press {
         })
     }
 
-    /// A press that was not made because the check of the calibration failed.
+    /// Creates a press that was not made because the check of the calibration failed.
     const fn left_out(world: World, ratio: f64, reason: String) -> Self {
         Self {
             world,
@@ -262,7 +262,7 @@ impl Claim {
 
     /// Interval score, in ln; `None` for an interval without an upper end.
     pub fn score_ln(&self, true_n_per_m: f64) -> Option<f64> {
-        /// Two over the part of the truths that an interval of 95 % leaves out.
+        /// The factor 2/alpha of the interval score: alpha is 0.05 for an interval of 95 %.
         const OUTSIDE: f64 = 40.0;
         let (below, above) = (
             (self.lower_n_per_m / true_n_per_m).ln(),

@@ -12,9 +12,9 @@ use serde_json::Value;
 
 use super::press::{PlantResult, Press};
 
-/// Writer of the rows. Until the run is complete, they are in a journal beside the file, as CSV,
-/// which an interrupted run leaves. An older file stays until then, and a Parquet file is
-/// unreadable before its end is written.
+/// Writer of the rows. During a run the rows go to a journal in CSV beside the file, since a
+/// Parquet file is unreadable without its end. An interrupted run leaves the journal and any older
+/// file.
 pub(super) struct Rows {
     output: OutputFile,
     journal: PathBuf,

@@ -8,8 +8,8 @@ use palpate_sim::world::Holder;
 
 use crate::press::CLEARANCE_M;
 
-/// The world in which a calibrated sensor presses. All but the first differ from what its calibration saw, by
-/// something that the instrument's model does not know.
+/// World in which a calibrated sensor presses. Every world except the first differs from the bench by something that
+/// the instrument's model does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum World {
     /// As on the bench, at another temperature within the drawn 5 K
@@ -78,16 +78,16 @@ pub enum World {
 /// Relative change of a quantity in the worlds where it differs by a fifth or a tenth.
 const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
-/// Amplitude of a shaking stand, m: with this one an interval missed the truth.
+/// Amplitude of a shaking stand, m. At this amplitude an interval missed the truth.
 const SHAKEN_M: f64 = 3e-6;
 
-/// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).
+/// A face of nickel-zinc ferrite, which hardly conducts, with μ = 100. Its reflection is (μ − 1)/(μ + 1).
 ///
-/// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, computed by
-/// `palpate field` with a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's
+/// The pull between C1in's coils and a tile of radius 8 mm, 8 mm above their board, is 3.6 mN at
+/// 10 A, computed by `palpate field` with a body of that shape added to the design. By Maxwell's
 /// stress this is B = √(2 μ0 F/A) = 7 mT through the face, and 9 mT where it turns into the tile's
-/// plane, B r/2t. Saturation at 0.35 T takes the part (B/0.35 T)² of the permeability, which is
-/// 0.08, and so 2·0.08/(μ + 1)² = 1.6e-5 of the reflection.
+/// plane, B r/2t. Saturation at 0.35 T lowers the permeability by the part (B/0.35 T)², that is by
+/// 0.08, and the reflection by 2·0.08/(μ + 1)² = 1.6e-5.
 const FERRITE: ObjectParameters = ObjectParameters {
     reflection: 0.98,
     lost_at_peak: 1.6e-5,
@@ -95,32 +95,32 @@ const FERRITE: ObjectParameters = ObjectParameters {
 };
 
 /// A face of steel. The pull is that of ferrite, since at high permeability it hardly depends on
-/// the material. To the sensing coil steel is a conductor: (μ k − k')/(μ k + k') with k'² = k² + jω
-/// μ μ0 σ (Dodd and Deeds 1968) has the real part −0.6 for μ = 100, 1/σ = 0.15 µΩ m, 2.9 MHz and k
-/// = 400/m, the inverse of the sensing coil's mean half radius. Its skin depth of 9 µm is below the
-/// layer that the direct field saturates.
+/// the material. To the sensing coil steel is a conductor with the reflection (μ k − k')/(μ k +
+/// k'), where k'² = k² + jω μ μ0 σ (Dodd and Deeds 1968). Its real part is −0.6 for μ = 100, 1/σ =
+/// 0.15 µΩ m, 2.9 MHz and k = 400/m, the inverse of the sensing coil's mean half radius. Its skin
+/// depth of 9 µm is below the layer that the direct field saturates.
 const STEEL: ObjectParameters = ObjectParameters {
     reflection: -0.6,
     lost_at_peak: 0.0,
     ..FERRITE
 };
 
-/// Friction of three per mille of a press's force, with a spring of half of c_S: a guess, chosen so
-/// that a ramp makes it slip.
+/// Friction of three per mille of a press's force, with a spring of half of c_S. The values are
+/// guesses, chosen so that a ramp makes the contact slip.
 const FRICTION: FrictionParameters = FrictionParameters {
     spring_n_per_m: 3e3,
     stick_n: 5e-3,
     slip_n: 2e-3,
 };
 
-/// Jumps as large as the shaking of a stand, some in every train; a train takes 1.5 s.
+/// Jumps with the amplitude of a shaking stand. A train takes 1.5 s, so some occur in every train.
 const JUMPS: Jumps = Jumps {
     size_m: SHAKEN_M,
     interval_s: 0.5,
 };
 
-/// Distance from which a magnetic or conducting object comes, m: the end of the sensing coil's
-/// curve.
+/// Distance from which a magnetic or conducting object approaches, m. The curve of the sensing coil
+/// ends there.
 const FAR_M: f64 = 3e-3;
 
 impl World {
@@ -175,7 +175,7 @@ impl World {
         plant
     }
 
-    /// What holds the press in this world: a stand or a hand.
+    /// Holder of the press in this world: a stand or a hand.
     pub const fn holder(self) -> Holder {
         match self {
             Self::Hand => Holder::Hand,
