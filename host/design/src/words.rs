@@ -94,7 +94,7 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_failure(path, &error))?;
-        // Located only on an error, since counting lines reads the text up to the record.
+        // The line is found only on an error, since counting lines reads the text up to the record.
         let fail = |(problem, allowed): (String, String)| Failure::Input {
             file: path.to_owned(),
             line: (record.position()).map_or(0, |place| line_from(&text, place.byte())),
@@ -120,7 +120,7 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     Ok(rows)
 }
 
-/// Line of the record at or behind a byte. The reader's own count is one too small for lines that
+/// Line of the record at or behind a byte. The CSV reader's own count is one too small where lines
 /// end with two characters.
 fn line_from(text: &str, byte: u64) -> u64 {
     let start = text.get(byte as usize..).unwrap_or_default();
@@ -144,7 +144,7 @@ fn csv_failure(path: &Path, error: &csv::Error) -> Failure {
     }
 }
 
-/// Column indices of this file.
+/// Indices of the five columns in a file.
 struct Columns([usize; 5]);
 
 impl Columns {
@@ -209,7 +209,7 @@ fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<WordRo
         m: ratio.m,
         n: ratio.n,
         residual_lsb: ratio.residual_lsb,
-        // An aborted conversion has counted nothing.
+        // An aborted conversion has no complete count, so no verdict.
         plausible: ratio.plausible.filter(|_| !word.flags().watchdog),
         false_accept: ratio.false_accept,
         quality: reading.quality(),

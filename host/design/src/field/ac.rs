@@ -48,7 +48,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// Factor by which the tolerance of L and R is wider than that of the constant field: their error
+/// Factor by which the tolerance of L and R exceeds that of the constant field. An error of L or R
 /// only scales a resonance, which is resolved to 20 bits, and a tenth of a per cent is below the
 /// uncertainty of any material.
 const WIDER: f64 = 10.0;
@@ -167,8 +167,8 @@ struct CoilsAtFrequency {
     coils: Vec<CoilAtFrequency>,
     /// Magnetic plates for which the design has no conductivity.
     parts_without_currents: Vec<String>,
-    /// Voltage on each coil (row), real and imaginary, per ampere in each coil (column), with the
-    /// others open.
+    /// Voltage on each coil (row), real and imaginary part, per ampere in each coil (column), with
+    /// all other coils open.
     impedances_ohm: Vec<Vec<[f64; 2]>>,
     unknowns: usize,
     reached: bool,

@@ -28,9 +28,9 @@ pub(super) enum Goal {
 struct Stiffening {
     /// Relative rise of the actuated spring's stiffness.
     rise: f64,
-    /// Share of the whole compliance that the actuated layer has.
+    /// Share of the actuated layer in the whole compliance.
     layer_share: f64,
-    /// Share of the whole compliance that a load as stiff as the sensing layer has.
+    /// Share in the whole compliance of a load as stiff as the sensing layer.
     load_share: f64,
 }
 
@@ -111,7 +111,7 @@ impl Candidate {
         }
     }
 
-    /// Power at the current, W.
+    /// Power at the design's current, W.
     pub(super) const fn power_w(&self) -> f64 {
         self.power_w
     }
@@ -286,7 +286,7 @@ impl Limited {
         let limit = match most {
             None => String::new(),
             Some(most) if self.excess() > 0.0 => format!(", above the limit of {most}"),
-            // Counts as at the limit, since the search's finest steps are a hundredth.
+            // Within 1 % the value is at the limit, since the search's finest step is a hundredth.
             Some(most) if *value > 0.99 * most => format!(", at the limit of {most}"),
             Some(most) => format!(", limit {most}"),
         };
@@ -301,7 +301,7 @@ mod tests {
 
     use super::*;
 
-    /// docs/field.md: eps w_D w_L of the closed circuit with soft elastomer at 5 A is 0.022.
+    /// docs/field.md states 0.022 for eps w_D w_L of the closed circuit with soft elastomer at 5 A.
     #[test]
     fn the_merit_is_that_of_the_docs() {
         let design = builtin("closed").unwrap();

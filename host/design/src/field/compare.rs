@@ -91,8 +91,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Table of the figures in display units. The keys are too long for column heads, which are short
-/// names with the unit below.
+/// Table of the figures in display units. Column heads are short names with the unit below, since
+/// the keys are too long.
 fn table(outcomes: &[ComparedDesign]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

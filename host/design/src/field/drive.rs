@@ -114,7 +114,7 @@ mod tests {
 
     use super::*;
 
-    /// Each source beside the current is named.
+    /// The words name every source besides the current.
     #[test]
     fn a_drive_is_named_in_words() {
         let mut design = builtin("A").unwrap();

@@ -51,7 +51,7 @@ pub(super) struct Arguments {
     step: f64,
 }
 
-/// Maximum number of points of a grid: so many are 100 MB of text.
+/// Maximum number of points of a grid, which give 100 MB of text.
 const MOST_POINTS: f64 = 1e6;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -92,7 +92,7 @@ const fn per(drive: Drive) -> &'static str {
     }
 }
 
-/// Flux through the circle about the axis, Wb.
+/// Flux through the circle of radius `r_m` about the axis, Wb.
 fn flux_wb(r_m: f64, field: &FieldAt) -> f64 {
     core::f64::consts::TAU * r_m * r_m * field.w
 }

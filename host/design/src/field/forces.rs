@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::drive::Drive;
 
-/// Axial force on a part; for one ampere, per square of the current.
+/// Axial force on a part. In a field per ampere it is the force per square of the current.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct PartForce {

@@ -212,7 +212,7 @@ impl Front {
     }
 }
 
-/// `count` values from the minimum to the maximum, evenly spaced in the logarithm.
+/// Returns `count` values from the minimum to the maximum, evenly spaced in the logarithm.
 fn evenly_by_logarithm([least, most]: [f64; 2], count: u32) -> Vec<f64> {
     let share = |index: u32| f64::from(index) / f64::from(count - 1);
     let value = |index: u32| least * (most / least).powf(share(index));
@@ -225,7 +225,7 @@ fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Op
         0 => own.to_vec(),
         start => spread(start, own.len()),
     };
-    // A linear solution takes a fifth of the time.
+    // Begins without saturation, since a linear solution takes a fifth of the time.
     let linear = search.linear();
     let first = linear.attempt(place);
     let first = first.or_else(|_| linear.attempt(own.to_vec()))?;
@@ -238,7 +238,7 @@ fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Op
     })
 }
 
-/// Results of a start and its two neighbours, without duplicates.
+/// Returns the results of a start and its two neighbours, without duplicates.
 fn about(found: &[Optimum], start: usize) -> Vec<&[f64]> {
     let mut places: Vec<&[f64]> = Vec::new();
     for found in found
@@ -253,7 +253,7 @@ fn about(found: &[Optimum], start: usize) -> Vec<&[f64]> {
     places
 }
 
-/// The best of several designs within the limits, if any.
+/// Returns the best of several designs within the limits; `None` if none is within.
 fn best(search: &Search<'_>, places: Vec<&[f64]>) -> Result<Option<Tried>, Failure> {
     let mut best: Option<Tried> = None;
     for place in places {

@@ -14,9 +14,9 @@ use super::input::Effort;
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct InductanceMatrix {
     coils: Vec<String>,
-    /// One row for each coil that carries current; includes the senses.
+    /// One row for each coil that carries current. Signs include the senses of both coils.
     rows_H: Vec<Vec<f64>>,
-    /// Greatest difference of two entries that should be equal.
+    /// Greatest difference between two entries that should be equal by symmetry.
     asymmetry_H: f64,
 }
 

@@ -56,7 +56,7 @@ impl Effort {
         }
     }
 
-    /// Limits the accuracy to `relative`.
+    /// Returns the effort with the accuracy `relative`, or with its own if that is coarser.
     pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
         Self {
             accuracy: self.accuracy.max(relative),
@@ -182,9 +182,9 @@ impl DesignSource {
     }
 }
 
-/// Ratio of the refinement error at the points of profiles and drawings to the accuracy of centre
-/// and core mean: 2e-3 at 1e-4. The error stated for these points is five times the refinement
-/// error; the greatest error found is 1.8 times it (docs/evidence/field-accuracy.md).
+/// Allowed refinement error at the points of profiles and drawings, over the accuracy of centre and
+/// core mean: 2e-3 at 1e-4. The error stated for these points is five times the refinement error;
+/// the greatest error found is 1.8 times the refinement error (docs/evidence/field-accuracy.md).
 const SHARP: f64 = 20.0;
 
 /// Refines the mesh of a solved field at these points.

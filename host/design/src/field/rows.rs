@@ -22,8 +22,8 @@ impl RowFile {
         Self::begun(Box::new(io::stdout()), None, heads)
     }
 
-    /// Opens a file, or creates it. An existing file must start with the same heads, and its rows
-    /// with the values of `first`; an incomplete last line is dropped.
+    /// Opens a file, or creates it. An existing file must have the same heads, and rows that start
+    /// with the values of `first` for their index. Drops an incomplete last line.
     pub(super) fn resumed(
         path: &Path,
         heads: &[String],
@@ -81,7 +81,7 @@ impl RowFile {
         Ok(rows)
     }
 
-    /// Writes a row; its last column is empty unless the point was refused.
+    /// Writes a row. Its last column is the reason of a refused point, empty for any other point.
     pub(super) fn write(&mut self, row: &[String]) -> Result<(), Failure> {
         let refused = row.last().is_some_and(|reason| !reason.is_empty());
         self.all_refused = refused && (self.count == 0 || self.all_refused);
@@ -102,8 +102,8 @@ impl RowFile {
     }
 }
 
-/// Returns the number of rows in a text and whether all are refusals, or `None` if they belong to
-/// another sweep.
+/// Returns the number of rows in a text, and whether all rows are refusals. `None` if they belong
+/// to another sweep.
 fn known(
     text: &str,
     heads: &[String],

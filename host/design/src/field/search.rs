@@ -64,7 +64,7 @@ const FINEST: f64 = 0.01;
 /// between its bounds: adding and subtracting one step leaves a rounding error.
 const SAME: f64 = 1e-9;
 
-/// All designs that the varied numbers can give.
+/// Search space: all designs that the varied numbers can give.
 #[derive(Clone)]
 pub(super) struct Search<'s> {
     arguments: &'s SearchArguments,
@@ -103,7 +103,7 @@ impl Search<'_> {
         }
     }
 
-    /// Returns this search with the accuracy limited to `relative`.
+    /// Returns this search with the accuracy `relative`, or with its own if that is coarser.
     pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
         Self {
             effort: self.effort.at_most_accurate(relative),
@@ -111,7 +111,7 @@ impl Search<'_> {
         }
     }
 
-    /// The user's own design as a point within the bounds.
+    /// Returns the user's own design as a point within the bounds.
     pub(super) fn start(&self) -> Result<Vec<f64>, Failure> {
         let settings = &self.effort.settings;
         let text = vary::set(&self.text, settings).map_err(Failure::Argument)?;
@@ -127,7 +127,7 @@ impl Search<'_> {
         self.arguments.vary.iter().map(share).collect()
     }
 
-    /// Settings of a point, after those of `--set`.
+    /// Returns the settings of `--set`, followed by the settings of a point.
     pub(super) fn settings(&self, place: &[f64]) -> Vec<(String, f64)> {
         let mut settings = self.effort.settings.clone();
         let places = self.arguments.vary.iter().zip(place);
@@ -136,7 +136,7 @@ impl Search<'_> {
         settings
     }
 
-    /// Text of the design at a point.
+    /// Returns the text of the design at a point.
     pub(super) fn text_at(&self, place: &[f64]) -> Result<String, Failure> {
         vary::set(&self.text, &self.settings(place)).map_err(Failure::Refused)
     }
@@ -172,9 +172,9 @@ impl Search<'_> {
 
     /// Improves a design by a compass search: tries both directions along each number, moves to the
     /// best, and halves the step when no neighbour is better. `first_step` is a share of the range
-    /// between a number's bounds. After each round it calls `tried` with the best design so far,
-    /// the number of tried designs, and whether the best is new. Returns the best design and the
-    /// number of tried designs.
+    /// between a number's bounds. After each round the search calls `tried` with the best design so
+    /// far, the number of tried designs, and whether the best is new. Returns the best design and
+    /// the number of tried designs.
     pub(super) fn climb(
         &self,
         start: Tried,
@@ -229,8 +229,8 @@ fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
     points
 }
 
-/// Returns a point far from those of all other numbers: the additive sequence of the root of
-/// x^(n+1) = x + 1 (Roberts, 2018), whose discrepancy is low in n dimensions.
+/// Returns a point of a sequence with low discrepancy in n dimensions, so that different numbers
+/// give distant points: the additive sequence of the root of x^(n+1) = x + 1 (Roberts, 2018).
 pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
     let power = 1.0 / (dimensions as f64 + 1.0);
     let mut root = 1.5_f64;
@@ -241,7 +241,7 @@ pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
     (0..dimensions).map(along).collect()
 }
 
-/// Returns the Pareto front by rising power: each design is better than all with less power.
+/// Returns the Pareto front by rising power: each design is better than all designs of less power.
 pub(super) fn not_beaten<T>(
     mut tried: Vec<T>,
     power_w: impl Fn(&T) -> f64,
@@ -252,7 +252,7 @@ pub(super) fn not_beaten<T>(
     for other in tried {
         match front.last_mut() {
             Some(last) if !is_better(&other, last) => {}
-            // Only the best of several designs with the same power.
+            // Keeps only the best of several designs with the same power.
             Some(last) if power_w(&other) <= power_w(last) => *last = other,
             _ => front.push(other),
         }

@@ -1,5 +1,5 @@
 //! `palpate field sensing`: inductance of the sensing coil against its gap, and the effect of a
-//! stray field. The inductance is that of the simulation, `palpate_sim::sensing_coil`.
+//! stray field. The inductance is computed by the simulation, in `palpate_sim::sensing_coil`.
 
 use std::io::{self, Write};
 
@@ -65,14 +65,14 @@ struct AtGap {
     frequency_change_per_m: f64,
 }
 
-/// Half of the step with which a slope is computed, m: the cubic error is below 1e-7 of the slope
-/// at the smallest gap.
+/// Half of the step between the points of a slope, m. At the smallest gap the cubic error is below
+/// 1e-7 of the slope.
 const STEP_M: f64 = 1e-8;
 
 impl AtGap {
     fn of(coil: &CoilIntegral, capacitance_f: f64, gap_m: f64) -> Self {
         let inductance_h = coil.inductance_h(gap_m);
-        // Below the smallest gap the inductance is constant.
+        // The lower point is not below the smallest gap, where the inductance becomes constant.
         let [low, high] = [(gap_m - STEP_M).max(LEAST_GAP_M), gap_m + STEP_M];
         let slope = (coil.inductance_h(high) - coil.inductance_h(low)) / (high - low);
         Self {
@@ -140,8 +140,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Apparent deformation of the reference's sensing layer, m, for a stray field `b_t` across the
-/// slabs that lowers their permeability, and the relative change of L.
+/// Returns the apparent deformation of the reference's sensing layer, m, and the relative change of
+/// L, for a stray field `b_t` across the slabs. The field lowers their permeability.
 ///
 /// The field passes the slabs along the axis, so B is the same inside and outside; the coil's own
 /// field meets the differential permeability at that bias. The reversible permeability is lower
@@ -181,8 +181,8 @@ mod tests {
         assert!((1e-6..20e-6).contains(&displacement), "{displacement}");
     }
 
-    /// Finite elements with tracks of 0.1 x 0.035 mm between slabs of 60 mm radius; the closed form
-    /// has its tracks at the middle of the copper.
+    /// The finite elements have tracks of 0.1 x 0.035 mm between slabs of 60 mm radius. The closed
+    /// form has flat tracks at the middle of the copper, which widens the gap by half of 0.035 mm.
     #[test]
     fn finite_elements_find_the_same_inductance() {
         for (gap_mm, mu_r) in [(1.0, 1.002), (0.2, 3.7), (1.0, 3.7)] {

@@ -287,7 +287,7 @@ impl BridgeFigures {
     }
 }
 
-/// Mean of |B|, T, over the sensing coil's disc, a spacer above the top of the design.
+/// Mean of |B|, T, over the sensing coil's disc, which is `spacer_m` above the top of the design.
 fn stray(design: &Design, solved: &Solved, spacer_m: f64, radius_m: f64) -> f64 {
     const RINGS: u32 = 20;
     let parts = design.parts.iter().flat_map(|part| part.shape.extremes());

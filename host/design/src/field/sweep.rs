@@ -47,7 +47,7 @@ pub(super) struct Axis {
     count: usize,
 }
 
-/// Maximum number of points of a sweep: they take a day on two cores.
+/// Maximum number of points of a sweep, which take a day on two cores.
 const MOST: usize = 500_000;
 
 pub(super) fn range(text: &str) -> Result<(String, f64, f64), String> {
@@ -165,7 +165,7 @@ fn columns(drive: Drive) -> impl Iterator<Item = String> {
     numbers.chain(["refused".to_owned()])
 }
 
-/// Varied numbers of a point.
+/// Returns the varied numbers of a point as text.
 fn varied(vary: &[Axis], settings: &[(String, f64)]) -> Vec<String> {
     let value = |axis: &Axis| {
         let set = settings.iter().rfind(|(path, _)| *path == axis.path);

@@ -18,7 +18,7 @@ pub(super) struct BeyondTable {
 }
 
 impl BeyondTable {
-    /// All such parts in a field; empty for a field per ampere.
+    /// Returns the parts of a field that exceed their tables; empty for a field per ampere.
     pub(super) fn all(design: &Design, solved: &Solved) -> Vec<Self> {
         let of = |beyond: solve::BeyondTable| {
             let part = design.parts.get(beyond.part)?;

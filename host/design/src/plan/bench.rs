@@ -1,9 +1,9 @@
-//! Information about a sensor that the trains of its bench give, each as one measurement of its
-//! load.
+//! Information about a sensor from the trains of its bench. Each train counts as one measurement of
+//! its load.
 //!
 //! The trains determine five quantities and the error of each spring
 //! (docs/decisions/0082-adjustment.md). The formulas are those of [`line`](super::line),
-//! implemented separately; they share nothing with the calibration that they predict.
+//! implemented separately: they share no code with the calibration that they predict.
 
 use palpate_wire::command::Settings;
 
@@ -13,12 +13,13 @@ use super::information::Information;
 use super::line::TrainLine;
 use super::sensor::PlannedSensor;
 
-/// Standard deviation of a train's kappa by what its fitted drifts leave of creep and memory,
-/// relative to W: on 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15 to 0.2 %
-/// of W about the adjusted line, including noise and vibration (docs/decisions/0082-adjustment.md).
+/// Standard deviation of a train's kappa, relative to W, by the creep and memory that remain after
+/// the fit of the drifts. On 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15
+/// to 0.2 % of W about the adjusted line, including noise and vibration
+/// (docs/decisions/0082-adjustment.md).
 pub(super) const CREEP: f64 = 0.0015;
-/// Prior standard deviations of c_D0, stiffening and attraction, in the units of this module: wide,
-/// since the calibration uses no prior knowledge of these quantities.
+/// Prior standard deviation of c_D0, stiffening and attraction, in the units of this module. It is
+/// wide, since the calibration uses no prior knowledge of these quantities.
 const BEFOREHAND: f64 = 1.0;
 /// Prior standard deviations of the cross-talk and of its growth, relative to the cross-talk: the
 /// train without contact determines the cross-talk, the load cell its growth
@@ -26,12 +27,12 @@ const BEFOREHAND: f64 = 1.0;
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
 /// Cross-talk, relative to the working depth, below which it is negligible.
 const LEAST_CROSSTALK: f64 = 1e-4;
-/// Smallest change of the deformation on the block by the current, in units of the scatter of a
-/// sample, for which the calibration finds the stiffening (`Signal` of `palpate-calibration`).
+/// Smallest effect of the current on the deformation on the block for which the calibration finds
+/// the stiffening, in units of the scatter of a sample (`Signal` of `palpate-calibration`).
 const CLEAR: f64 = 10.0;
 
-/// A train of the bench: derivatives of its kappa with respect to quantities and springs, and the
-/// variances of [`Cause::OF_TRAIN`].
+/// A train of the bench: derivatives of its kappa with respect to quantities and springs, and its
+/// variances by [`Cause::OF_TRAIN`].
 struct BenchTrain {
     row: Vec<f64>,
     variances: [f64; 3],
@@ -50,7 +51,7 @@ pub struct PlannedBench<'s> {
     pub(super) information: Information,
 }
 
-/// Why there is no plan.
+/// Reasons why a bench has no plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unplannable {
     /// The falls of a train have too few conversions for a line.
@@ -79,7 +80,7 @@ impl<'s> PlannedBench<'s> {
             for (load, kappa) in sensor.bench_loads.iter().enumerate() {
                 let mut row = vec![0.0; unknowns];
                 row.splice(..QUANTITIES, slopes(sensor, &line, *kappa));
-                // The block is the first load and has no error.
+                // The first load is the block, whose kappa has no error.
                 if let Some(entry) = load
                     .checked_sub(1)
                     .and_then(|spring| row.get_mut(QUANTITIES + spring))
@@ -109,7 +110,7 @@ impl<'s> PlannedBench<'s> {
         Ok(bench)
     }
 
-    /// Whether the current changes the deformation on the block clearly.
+    /// Whether the current changes the deformation on the block by at least [`CLEAR`].
     fn is_clear(&self) -> bool {
         let sensor = self.sensor;
         let peak_a = f64::from(self.settings.peak_current_a);
@@ -118,12 +119,12 @@ impl<'s> PlannedBench<'s> {
         let noise_m =
             self.conversions.relative_sigma * sensor.metres_per_relative_frequency(sensor.depth_m);
         let shaken_m = sensor.vibration_m / 2_f64.sqrt() / whole;
-        // The deformation rises with the stiffening; the signal of the stiffening is negative.
+        // `signal` is negative, since stiffening lowers the compliance; the deformation rises.
         -signal / whole >= CLEAR * noise_m.hypot(shaken_m) / sensor.depth_m
     }
 
-    /// Information of bench and prior knowledge on the unknowns; `exact` is a quantity taken as
-    /// known.
+    /// Information on the unknowns from bench and prior knowledge. The quantity `exact`, if any,
+    /// counts as known exactly.
     pub(super) fn informed(&self, exact: Option<usize>) -> Information {
         /// Variance of a practically exact quantity.
         const EXACT: f64 = 1e-16;
@@ -142,7 +143,7 @@ impl<'s> PlannedBench<'s> {
         information
     }
 
-    /// Variances of a press by the causes of the bench: errors of trains and springs, propagated
+    /// Variances of a press by cause, from the errors of the bench's trains and springs, propagated
     /// through the least squares of the calibration.
     pub(super) fn of_bench(&self, of_press: &[f64]) -> Option<[f64; Cause::ALL.len()]> {
         let gain = self.information.solve(of_press)?;

@@ -53,7 +53,7 @@ impl Cause {
 /// A quantity determined on the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Quantity {
-    /// c_D0.
+    /// c_D0: stiffness of the actuated layer without current.
     ActuatedSpring,
     /// The size of the stiffening.
     Stiffening,

@@ -23,7 +23,7 @@ pub struct Conversions {
 
 impl Conversions {
     /// Configures the converter for a rate in conversions per second. `white` is the sensor's
-    /// relative noise beside quantisation, in 1 ms.
+    /// relative white noise in 1 ms, without quantisation.
     ///
     /// # Errors
     /// The exceeded limit of the converter or of its bus.

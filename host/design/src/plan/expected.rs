@@ -1,5 +1,5 @@
-//! Expected error of a press and its causes: uncertainty left by the bench, errors of the press's
-//! own train, temperature.
+//! Expected error of a press and its causes: the uncertainty that the bench leaves, the errors of
+//! the press's own train, and temperature.
 
 use super::bench::{PlannedBench, add, of_train, slopes};
 use super::causes::{Cause, QUANTITIES};
@@ -8,18 +8,17 @@ use super::line::TrainLine;
 
 /// Half-width of a 95 % interval, in standard errors.
 const NORMAL_975: f64 = 1.959_964;
-/// Depth of the deepest allowed press over that of the bench's deepest train, and depth of the
-/// shallowest allowed press over that of its shallowest train: creep changes a depth by a
-/// twentieth.
+/// Depth limits of a press: greatest depth over that of the bench's deepest train, and smallest
+/// depth over that of its shallowest train. Creep changes a depth by a twentieth.
 const BEYOND_BENCH: f64 = 1.08;
 const WITHIN_BENCH: f64 = 0.95;
 
-/// Standard deviations of kappa by errors of the calibration's model: one proportional to W, one
-/// proportional to kappa. They are the excess of the errors of 15 sensors of [`ASSUMED_FROM`], at
-/// their bench's temperature, over all other causes (`cargo campaign efficiency --plants 16 --seed
-/// 830001 --bench-temperature`: 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). They are assumed for other
-/// designs too (docs/stiffness.md). They include creep that ends before a train, and differences
-/// between stands.
+/// Standard deviations of kappa by errors of the calibration's model: the first relative to W, the
+/// second relative to kappa. They are the errors of 15 sensors of [`ASSUMED_FROM`], at their
+/// bench's temperature, in excess of all other causes (`cargo campaign efficiency --plants 16
+/// --seed 830001 --bench-temperature`: 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). They are assumed
+/// for other designs too (docs/stiffness.md). They include creep that ends before a train, and
+/// differences between stands.
 const MODEL: [f64; 2] = [0.0035, 0.007];
 /// Sensor design for which [`MODEL`] and [`CREEP`](super::bench::CREEP) were determined.
 pub(super) const ASSUMED_FROM: &str = "ultrasoft";
@@ -42,8 +41,8 @@ pub struct ExpectedError {
     pub standard_error_ln: f64,
     /// Standard error of ln(c_L) by each of [`Cause::ALL`].
     pub causes_ln: [f64; Cause::ALL.len()],
-    /// Reduction of the standard error if each calibrated quantity were known exactly: root of the
-    /// difference of the variances.
+    /// For each calibrated quantity the part of the standard error that its exact knowledge would
+    /// remove: root of the difference of the variances.
     pub quantities_ln: [f64; QUANTITIES],
     /// Half the width of the 95 % interval in ln(c_L); `None` where the interval has no upper end.
     pub half_width_ln: Option<f64>,
@@ -61,7 +60,7 @@ impl ExpectedError {
 }
 
 impl PlannedBench<'_> {
-    /// Line of a press, the same as that of a bench's train at this depth.
+    /// Returns the line of a press: that of a bench's train at the same depth, or a new one.
     fn line(&self, press: &PlannedPress) -> Option<TrainLine> {
         let deformation_m = press.depth * self.sensor.depth_m;
         let of_bench = self
@@ -79,7 +78,7 @@ impl PlannedBench<'_> {
         of_bench.cloned().or_else(new)
     }
 
-    /// Derivatives of a press onto a load, c_S/c_L, with respect to the unknowns.
+    /// Derivatives of kappa of a press, c_S/c_L of its load, with respect to the unknowns.
     pub(super) fn row(&self, line: &TrainLine, kappa: f64) -> Vec<f64> {
         let mut row = vec![0.0; self.beforehand.len()];
         row.splice(..QUANTITIES, slopes(self.sensor, line, kappa));
@@ -140,8 +139,8 @@ impl PlannedBench<'_> {
             .collect()
     }
 
-    /// Expected result for one load; `exact` is the bench's information if each quantity were known
-    /// exactly.
+    /// Expected result for one load. `exact` has the bench's information with one quantity each
+    /// known exactly.
     fn expected_of(
         &self,
         load: f64,
@@ -180,7 +179,7 @@ impl PlannedBench<'_> {
     /// Variance of kappa by the temperature coefficients, at `away_k` kelvin from the bench.
     fn of_temperature(&self, line: &TrainLine, kappa: f64, away_k: f64) -> f64 {
         let known = &self.sensor.known;
-        // The temperature coefficient is that of the rise; h changes by less.
+        // The coefficient is that of the rise; the relative change of h is smaller by 1 + rise.
         let rise = self.sensor.rise(self.settings.peak_current_a.into());
         let of_stiffening =
             self.sensor.whole(kappa) * line.of.stiffening * known.rise_per_k / (1.0 + rise);
@@ -188,8 +187,8 @@ impl PlannedBench<'_> {
         away_k * away_k * (of_stiffening * of_stiffening + of_springs * of_springs)
     }
 
-    /// Reason for which the instrument refuses a press, from the relative error of its slope by
-    /// noise and the total error of its stiffness.
+    /// Reason for which the instrument refuses a press; `None` if it does not. `of_slope` is the
+    /// relative error of the slope by noise, `standard_error_ln` the total error of the stiffness.
     fn refusal(
         &self,
         press: &PlannedPress,

@@ -6,7 +6,7 @@ use palpate_wire::command::Settings;
 /// Ambient temperature that the firmware assumes without a thermometer
 /// (firmware/procedure/src/heat.rs).
 const WARM_ROOM_C: f64 = 30.0;
-/// Heat of the current with its ripple over that of the mean current
+/// Heat of the current with its ripple, relative to the heat of the mean current
 /// (docs/decisions/0040-coil-drive.md).
 const RIPPLE: f64 = 1.02;
 /// Time step of the computed temperatures, s: a tenth of the shortest rise of the current.
@@ -15,7 +15,7 @@ const STEP_S: f64 = 1e-3;
 /// Heat of a train.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrainHeat {
-    /// Energy into the coil, J, at the greatest copper temperature, as the firmware computes it.
+    /// Energy into the coil, J, as the firmware computes it: with the hottest copper's resistance.
     pub(crate) energy_j: f64,
     /// Greatest temperature of the copper, degrees Celsius.
     pub(crate) hottest_c: f64,

@@ -1,10 +1,11 @@
 //! Fisher information of readings and prior knowledge about unknowns, as a symmetric matrix.
 //!
-//! For readings y = f(theta) with Gaussian errors the information is the sum of J'J/variance over the readings, J the row
-//! of derivatives; prior knowledge with a variance adds its inverse. The inverse of the whole bounds the covariance of
-//! every estimate (Cramer and Rao; van Trees, "Detection, Estimation, and Modulation Theory", part I, section 2.4).
+//! For readings y = f(theta) with Gaussian errors the information is the sum of J'J/variance over the readings, where J
+//! is the row of derivatives. Prior knowledge of an unknown adds the inverse of its variance. The inverse of the
+//! information bounds the covariance of every estimate (Cramer and Rao; van Trees, "Detection, Estimation, and
+//! Modulation Theory", part I, section 2.4).
 
-/// Information on a number of unknowns.
+/// Information on several unknowns.
 #[derive(Clone, Debug)]
 pub struct Information {
     unknowns: usize,
@@ -47,7 +48,7 @@ impl Information {
         self.unknowns
     }
 
-    /// Adds other information on the first of these unknowns.
+    /// Adds the information `other` on the first unknowns.
     pub fn add(&mut self, other: &Self) {
         let rows = self.entries.chunks_mut(self.unknowns.max(1));
         for (row, of) in rows.zip(other.entries.chunks(other.unknowns.max(1))) {
@@ -68,7 +69,7 @@ impl Information {
             let pivot = rows[last][last];
             let mut left = Self::new(last);
             for (row, entries) in rows[..last].iter().zip(left.entries.chunks_mut(last)) {
-                // An unknown without any reading has no effect.
+                // An unknown without any reading takes no information from the others.
                 let share = if pivot > 0.0 { row[last] / pivot } else { 0.0 };
                 for (column, entry) in entries.iter_mut().enumerate() {
                     *entry = row[column] - share * rows[last][column];
@@ -109,7 +110,7 @@ impl Information {
         Some(of.iter().zip(&solved).map(|(one, other)| one * other).sum())
     }
 
-    /// Scales that make every diagonal entry one, so that the steps are independent of units.
+    /// Scales that make every diagonal entry one, so that the pivots do not depend on units.
     fn scales(&self) -> Vec<f64> {
         let diagonal = self.entries.iter().step_by(self.unknowns + 1);
         diagonal
@@ -169,8 +170,8 @@ mod tests {
 
     use super::*;
 
-    /// Readings of a line a + b t with a prior for b. The estimate uses hand-written normal
-    /// equations of two unknowns, and shares nothing with the information.
+    /// Compares with many estimates of a line a + b t with a prior for b. The estimate uses
+    /// hand-written normal equations of two unknowns, and shares no code with the information.
     #[test]
     fn the_variance_is_that_of_many_estimates() {
         const SIGMA: f64 = 0.3;

@@ -1,9 +1,10 @@
 //! Error of a load from errors of a train's readings.
 //!
-//! With W = 1 + kappa + g, kappa = c_S/c_L and g = c_S/c_D0, the reading x on the falls follows
-//! 1/x = (W + s(I)) (1 + d phi(t) + e t)/X, where the signal s is the stiffening h with the attraction. A line through 1/x
-//! against s, beside a logarithmic and a straight drift, gives kappa. s' is the part of s that is orthogonal to a constant
-//! and to both drifts, and P(e) = sum(s' e)/sum(s'^2) the projection of an error e of each sample onto it. To first order,
+//! With kappa = c_S/c_L, g = c_S/c_D0 and W = 1 + kappa + g, the reading x on the falls follows 1/x = (W + s(I)) (1 + d
+//! phi(t) + e t)/X. The signal s is the stiffening h with the attraction, X the total travel, d phi a logarithmic drift
+//! and e t a straight one. A line through 1/x against s, with both drifts, gives kappa. Let s' be the part of s that is
+//! orthogonal to a constant and to both drifts; then P(e) = sum(s' e)/sum(s'^2) projects an error e of each sample onto
+//! s'. To first order,
 //!
 //! | error | error of kappa |
 //! |---|---|
@@ -16,11 +17,11 @@ use palpate_wire::command::Settings;
 use super::chip::Conversions;
 use super::sensor::PlannedSensor;
 
-/// Time from the touch to the train in use, s: a press is found steady after two to four tenths of
-/// a second, and then the coil is tested (docs/decisions/0008-misfit.md).
+/// Time from the touch to the train in use, s. A press is found steady after two to four tenths of
+/// a second, then the coil is tested (docs/decisions/0008-misfit.md).
 const SINCE_TOUCH_S: f64 = 0.7;
-/// Points per fall in the sums over signals and errors: with four times as many, an error by
-/// vibration changes by 0.7 %, all others by 0.1 %.
+/// Points per fall in the sums over signals and errors. Four times as many would change an error by
+/// vibration by 0.7 %, all others by 0.1 %.
 const POINTS: u32 = 24;
 /// Smallest number of conversions in a fall: three for the level, the slope and the drift of a
 /// single ramp, and one more.
@@ -39,13 +40,13 @@ pub(crate) struct TrainLine {
     weights: Vec<f64>,
     /// Deformation of the sensing layer, m.
     pub(crate) deformation_m: f64,
-    /// Projections that give the derivatives of kappa with respect to each quantity except c_D0:
-    /// times W, those of the cross-talk and of its growth times W^2.
+    /// Projections of all quantities except c_D0. The derivatives of kappa are W times these, for
+    /// cross-talk and its growth W^2 times.
     pub(crate) of: Projections,
     /// Variance of P for white relative noise of the readings.
     pub(crate) conversions: f64,
-    /// Variance of P for a vibrating stand, times W^2: the sensing layer moves by the stand's
-    /// amplitude over W.
+    /// W^2 times the variance of P for a vibrating stand: the sensing layer moves by 1/W of the
+    /// stand's amplitude.
     pub(crate) vibration: f64,
 }
 
@@ -113,7 +114,7 @@ impl TrainLine {
         Some(line)
     }
 
-    /// P of an error that depends on the current, A.
+    /// Projection P of an error that depends on the current, A.
     fn project(&self, error: impl Fn(f64) -> f64) -> f64 {
         let samples = self.points.iter().zip(&self.weights);
         samples
@@ -121,8 +122,8 @@ impl TrainLine {
             .sum()
     }
 
-    /// Mean square of P over the stand's frequencies and phases: P of a sine equals the weights'
-    /// spectrum at its frequency.
+    /// Mean square of P over frequencies and phases of the stand's vibration, from the spectrum of
+    /// the weights at each frequency.
     fn of_vibration(&self, sensor: &PlannedSensor) -> f64 {
         let (low_hz, high_hz) = sensor.vibration_hz;
         let steps = ((high_hz - low_hz) / VIBRATION_STEP_HZ).ceil().max(1.0) as u32;
@@ -145,8 +146,8 @@ impl TrainLine {
     }
 }
 
-/// Points of each fall, evenly spaced in time and current, in place of its conversions: sums over
-/// both are proportional.
+/// Points of each fall, evenly spaced in time and current. They stand for its conversions: sums
+/// over points and sums over conversions are proportional.
 fn fall_points(settings: &Settings) -> Vec<FallPoint> {
     let [rise_s, hold_s, fall_s] =
         [settings.rise_s, settings.hold_s, settings.ramp_s].map(f64::from);
@@ -166,7 +167,7 @@ fn fall_points(settings: &Settings) -> Vec<FallPoint> {
 
 /// Number of complete conversions within a fall.
 fn conversions_of_fall(settings: &Settings) -> u32 {
-    // A fall starts with a conversion; a fall of 60 ms at 1 kHz has 60, despite rounding.
+    // A fall starts with a conversion. The added 1e-3 gives 60 for 60 ms at 1 kHz despite rounding.
     (settings.ramp_s * settings.rate_hz + 1e-3).floor() as u32
 }
 

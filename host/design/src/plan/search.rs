@@ -24,24 +24,23 @@ pub(crate) struct TrainChoice {
     pub(crate) peak_a: f32,
 }
 
-/// Values that the search tries for ramps, duration of a fall, rate and peak current. Falls shorter
-/// than 40 ms are excluded: an elastomer with a lag of 10 ms would not have settled. Conversions
-/// slower than 1 kHz are excluded: their noise is less, but at 250 Hz the errors of 13 sensors at
-/// the bench's temperature were 1.3 to 1.4 times those at 1 kHz, and two more presses were refused,
-/// since the current bends within a conversion.
+/// Values that the search tries for ramps, duration of a fall, rate and peak current. No fall is
+/// shorter than 40 ms: an elastomer with a lag of 10 ms would not settle. No rate is below 1 kHz,
+/// although slower conversions have less noise: at 250 Hz the errors of 13 sensors at the bench's
+/// temperature were 1.3 to 1.4 times those at 1 kHz, and two more presses were refused, since the
+/// current bends within a conversion.
 const RAMPS: [u8; 6] = [6, 8, 12, 16, 20, 24];
 const FALLS_S: [f32; 3] = [0.04, 0.06, 0.1];
 const RATES_HZ: [u16; 2] = [1_000, 2_000];
 const PEAKS_A: [f32; 3] = [8.0, 10.0, 12.0];
 
-/// Greatest peak current, relative to the current that the supply drives through the warm coil, and
-/// resistance of the warm coil over that at rest, as on the bench
-/// (host/simulate/src/instrument.rs).
+/// Greatest peak current, relative to the current that the supply drives through the warm coil (as
+/// on the bench, host/simulate/src/instrument.rs), and resistance of the warm coil over that at
+/// rest.
 const OF_SUPPLY: f64 = 0.95;
 const WARM: f64 = 1.2;
 
-/// The errors of a train are not computed if its energy exceeds this multiple of the allowed
-/// energy.
+/// Multiple of the allowed energy beyond which the errors of a train are not computed.
 const FAR: f64 = 1.5;
 
 /// Loads, c_L/c_S, at which trains are compared.
@@ -96,10 +95,10 @@ impl RatedTrain {
     }
 }
 
-/// A row of the comparison: the best allowed train of a kind, and the limit of the next better one.
+/// A row of the comparison: the best allowed train of a kind, and what prevents a better one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ComparedTrain {
-    /// The varied figure.
+    /// The varied figure, `default` or `all`.
     pub(crate) change: &'static str,
     pub(crate) train: RatedTrain,
     /// Limit that a better train of this kind exceeds; `None` where no train is better.
@@ -156,7 +155,7 @@ impl TrainSearch<'_> {
         Ok(compared)
     }
 
-    /// Returns the best allowed train of these and `start`, with the limit of the next better one.
+    /// Returns the best allowed train of `choices` and `start`, and the limit of the next better.
     fn best(
         &self,
         change: &'static str,
@@ -172,7 +171,7 @@ impl TrainSearch<'_> {
         let allowed = rated().filter(|train| self.allowed(train).is_ok());
         let train = allowed.chain([start]).min_by(better).unwrap_or(start);
         let beyond = rated().filter(|of| of.score() < train.score() && self.allowed(of).is_err());
-        // The next train is the one with the smallest energy.
+        // Of the better trains that are not allowed, the next one has the smallest energy.
         let next = beyond.min_by(|one, other| one.heat.energy_j.total_cmp(&other.heat.energy_j));
         ComparedTrain {
             change,
@@ -195,7 +194,7 @@ impl TrainSearch<'_> {
     fn rated(&self, choice: &TrainChoice) -> Result<RatedTrain, TrainLimit> {
         let settings = self.settings(choice);
         let heat = TrainHeat::of(&settings, &self.sensor.plant.thermal);
-        // Trains far beyond the limit are not computed.
+        // The errors of trains far beyond the limit are not computed.
         if heat.energy_j > FAR * f64::from(settings.greatest_energy_j) {
             return Err(TrainLimit::Energy);
         }
@@ -216,7 +215,7 @@ impl TrainSearch<'_> {
         })
     }
 
-    /// Checks whether the instrument drives a train.
+    /// Checks that a train exceeds no limit of the instrument.
     fn allowed(&self, train: &RatedTrain) -> Result<(), TrainLimit> {
         let settings = &self.sensor.settings;
         let current = &self.sensor.plant.current;

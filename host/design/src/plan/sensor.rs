@@ -9,8 +9,8 @@ use palpate_sim::switches::Switches;
 use palpate_simulate::instrument::{BenchTask, default_settings};
 use palpate_wire::command::Settings;
 
-/// A sensor design with the bench for its calibration. Compliances are in units of the sensing
-/// layer's.
+/// A sensor design with the bench for its calibration. Compliances are relative to that of the
+/// sensing layer.
 #[derive(Clone, Debug)]
 pub struct PlannedSensor {
     /// Nominal values, in the middle of the random ranges.
@@ -19,7 +19,7 @@ pub struct PlannedSensor {
     pub known: Known,
     /// Settings of the instrument, with the peak current that design and supply allow.
     pub settings: Settings,
-    /// c_S/c_D0.
+    /// c_S/c_D0, with c_D0 the stiffness of the actuated layer without current.
     pub ratio: f64,
     /// Deformation of the sensing layer at the working depth, m.
     pub depth_m: f64,
@@ -47,7 +47,7 @@ impl PlannedSensor {
         let springs = springs.map(|spring| sensing_n_per_m / spring);
         let press = &disturbances.press;
         let (least_m, most_m) = press.vibration_amplitude_m.range();
-        // Mean square of a uniform amplitude.
+        // Mean square of an amplitude that is uniform within its range.
         let square = (least_m * least_m + least_m * most_m + most_m * most_m) / 3.0;
         Self {
             ratio: sensing_n_per_m / plant.actuated.spring_n_per_m,
@@ -66,13 +66,13 @@ impl PlannedSensor {
         &self.plant.magnetorheological
     }
 
-    /// Relative rise of c_D at a current, A.
+    /// Relative rise of the actuated layer's stiffness c_D at a current, A.
     pub fn rise(&self, current_a: f64) -> f64 {
         let relative = current_a / self.plant.current.peak_a;
         self.law().stiffening_at_peak * self.law().saturation(relative)
     }
 
-    /// h = c_S/c_D - c_S/c_D0 at a current, A: negative.
+    /// Stiffening h = c_S/c_D - c_S/c_D0 at a current, A; negative.
     pub fn stiffening(&self, current_a: f64) -> f64 {
         let rise = self.rise(current_a);
         -self.ratio * rise / (1.0 + rise)
@@ -93,7 +93,7 @@ impl PlannedSensor {
         self.plant.crosstalk.at_peak_m * relative * relative
     }
 
-    /// 1 + c_S/c_L + c_S/c_D0 for a load c_S/c_L.
+    /// Whole compliance W = 1 + c_S/c_L + c_S/c_D0 for a load kappa = c_S/c_L.
     pub fn whole(&self, kappa: f64) -> f64 {
         1.0 + kappa + self.ratio
     }

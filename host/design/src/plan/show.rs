@@ -152,7 +152,7 @@ fn trains(trains: &[ComparedTrain]) -> Table {
     table(header, trains.iter().map(row).collect(), &[0, last])
 }
 
-/// Relative reduction of the errors by a train against the first train, geometric mean over the
+/// Relative reduction of the errors compared with the first train, as the geometric mean over the
 /// loads.
 fn gain(trains: &[ComparedTrain], compared: &ComparedTrain) -> f64 {
     let first = trains.first().map_or(0.0, |first| first.train.score());

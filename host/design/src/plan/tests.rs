@@ -1,5 +1,5 @@
-//! Tests of the formulas against trains from three springs in closed form, evaluated sample by
-//! sample, and of the trains found by the search against the simulated board.
+//! Compares the formulas with trains of three springs in closed form, evaluated sample by sample,
+//! and the trains that the search finds with the simulated board.
 
 use palpate_sim::Time;
 use palpate_sim::device::Device;
@@ -43,8 +43,8 @@ fn line(sensor: &PlannedSensor) -> TrainLine {
     .unwrap()
 }
 
-/// Errors of the quantities in an evaluation: those of spring and stiffening relative, those of
-/// attraction, cross-talk and its growth in units of the working depth at the peak.
+/// Errors of the quantities in an evaluation: relative for spring and stiffening; in units of the
+/// working depth at the peak for attraction, cross-talk and its growth.
 #[derive(Clone, Copy, Default)]
 struct Wrong {
     actuated: f64,
@@ -69,8 +69,8 @@ fn falls(settings: &Settings) -> Vec<(f64, f64)> {
     (0..12).flat_map(fall).collect()
 }
 
-/// kappa by a line fitted to 1/x of a train on a load, evaluated with the errors `wrong`; `added_m`
-/// is the error of a reading at a time, s.
+/// Returns kappa from a line fitted to 1/x of a train, evaluated with the errors `wrong`. `added_m`
+/// is the error of a reading, m, at a time, s.
 fn reads(
     sensor: &PlannedSensor,
     kappa: f64,
@@ -141,9 +141,9 @@ fn an_error_of_each_quantity_moves_a_load_by_what_the_slopes_say() {
                 .enumerate()
             {
                 let moved = (reads(&sensor, kappa, &wrong, &mut |_| 0.0) - exact) / STEP;
-                // The slopes are of first order in the errors, while the stiffening itself is a
-                // tenth, and a larger part of the line where the attraction cancels most of the
-                // stiffening.
+                // The slopes are of first order, while the stiffening is a tenth of the line, and
+                // more where the attraction cancels most of the stiffening: both may differ by
+                // 12 %.
                 assert!(
                     (moved / slope - 1.0).abs() < 0.12,
                     "{name} {kappa} {index}: {moved} {slope}"
@@ -178,8 +178,8 @@ fn noise_and_vibration_scatter_a_load_by_what_the_line_says() {
     }
     let noise = of_noise / (whole.powi(4) * line.conversions);
     let vibration = of_vibration / (whole.powi(2) * line.vibration);
-    // From 400 squares the variance by noise is known within 7 %; most of the vibration's effect is
-    // in a few frequencies near the ramps' harmonics.
+    // 400 squares give the variance by noise within 7 %. Most of the vibration's effect is at a few
+    // frequencies near the ramps' harmonics, so its limits are wider.
     assert!((noise - 1.0).abs() < 0.2, "{noise}");
     assert!((0.6..1.6).contains(&vibration), "{vibration}");
 }

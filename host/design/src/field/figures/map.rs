@@ -33,7 +33,7 @@ impl Lattice {
         let locator = Locator::new(&picture.solved.level, &picture.solved.w);
         let step = circle.radius / COLUMNS as f64;
         let [low, high] = picture.design.height_m();
-        // A third of the radius above and below shows the course of the field lines.
+        // A third of the radius above and below shows how the field lines run.
         let (from, to) = (low - 0.33 * circle.radius, high + 0.33 * circle.radius);
         #[allow(
             clippy::cast_possible_truncation,
@@ -165,8 +165,8 @@ fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f6
     found
 }
 
-/// Lines at equal steps of flux, of both signs, in mm. Plates of soft metal are left out: they
-/// concentrate nearly all lines, which would merge there, so colour alone shows their field.
+/// Field lines at equal steps of flux, of both signs, in mm. None are drawn in plates of soft
+/// metal: nearly all lines concentrate and would merge there, so colour alone shows their field.
 fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>>, String> {
     let greatest = lattice
         .flux
@@ -252,7 +252,7 @@ mod tests {
 
     use super::*;
 
-    /// Field lines of the coils in air, for the senses of the lower and the upper board.
+    /// Field lines of the coils in air. `senses` are those of the lower and the upper board.
     fn lines(senses: [&str; 2]) -> Vec<Vec<(f64, f64)>> {
         let text = builtin_text("air").unwrap();
         let mut design = Design::parse("air.toml", text).unwrap();
@@ -283,7 +283,7 @@ mod tests {
             .sum()
     }
 
-    /// Lines are drawn in a magnet, but not in soft metal.
+    /// Lines are drawn in a magnet (a part with remanence), but not in soft metal.
     #[test]
     fn field_lines_are_drawn_in_magnets() {
         let inside = |law: &str| {
