@@ -16,9 +16,9 @@ const INTERRUPTED: i32 = 130;
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Registers the signals: the first Ctrl-C, or request of the system, asks for the end; the
-    /// second ends the program at once. Call it when the link is open: before that nothing must be
-    /// completed, and one request ends a program that waits for a board, or for cargo.
+    /// Handles Ctrl-C and the system's request to end: the first request asks for the end, the
+    /// second ends the program at once. Call this once the link is open: before, a single request
+    /// must end a program that waits for a board or for cargo, and there is no work to complete.
     pub(crate) fn catch() -> io::Result<Self> {
         let is_asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {

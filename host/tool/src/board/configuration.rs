@@ -34,7 +34,7 @@ pub(crate) fn settings(link: &mut Link) -> Result<Settings, Failure> {
     })
 }
 
-/// Reads the configuration in force. Settings that were never set are omitted, as in its CRC.
+/// Reads the configuration in force, without settings that were never set, as in the board's CRC.
 ///
 /// # Errors
 /// If the board is gone, or its records do not match its CRC.
@@ -82,8 +82,8 @@ fn questions_for(part: Part) -> Vec<GetCalibration> {
     questions.collect()
 }
 
-/// Reads the records of a part in force; empty if the part is not set. They stay in the link's
-/// received records, with all others.
+/// Reads the records of a part in force; empty if the part is not set. The link also keeps these
+/// records among its received frames.
 ///
 /// # Errors
 /// If the board is gone, refuses, or sends the part incompletely.
@@ -157,7 +157,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
 }
 
 /// Order of a command in a configuration: kind, sensor, channel, first knot. `None` for a command
-/// that sets nothing.
+/// that sets no part.
 pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
     let kind = command.kind();
     Some(match command {
@@ -173,7 +173,7 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetTemperatureEffect(_)
         | Command::SetCurrentCorrection(_)
         | Command::SetTemperatureCoefficients(_) => (kind, 0, 0, 0),
-        // Last, whatever its number: the device compares it with all other parts.
+        // Comes last, since the device compares the identity with all other parts.
         Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,
     })
@@ -212,7 +212,7 @@ mod tests {
     fn every_command_that_sets_has_a_place_and_every_part_a_command() {
         let sets = |kind: &&palpate_wire::schema::Kind| kind.name.starts_with("set_");
         let kinds = Command::KINDS.iter().filter(sets).count();
-        // The settings are not a part.
+        // Every command that sets something sets a part, except the one for the settings.
         assert_eq!(kinds, Part::ALL.len() + 1);
         let places = [chunk(0, 8), chunk(8, 2)].map(|record| place(&setting(record).unwrap()));
         assert!(places.is_sorted() && places[0] != places[1]);

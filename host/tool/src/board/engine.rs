@@ -94,7 +94,7 @@ impl OnBoard {
         }
     }
 
-    /// Prints the log and writes the trace of a press, whatever its result.
+    /// Prints the log and writes the trace of a press, also of one that failed.
     fn show(&self, what: &str, board: &mut palpate_emulator::Instrument) -> Result<(), Failure> {
         if let Some(log) = &self.log {
             log.show(what, &board.take_logs());

@@ -77,7 +77,7 @@ impl Arguments {
         Ok((file, image))
     }
 
-    /// Refuses an image that would not be used; `instead` names the option that would use it.
+    /// Fails if an image is named that would not be used. `instead` names the option that uses it.
     pub fn none_without(&self, instead: &str) -> Result<(), Failure> {
         match &self.image {
             None => Ok(()),

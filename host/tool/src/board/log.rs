@@ -76,7 +76,7 @@ impl LogStream {
     /// Returns the lines that these bytes complete.
     pub(crate) fn lines(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.begun.extend(bytes);
-        // A line ends with a zero byte, its only one (rzCOBS).
+        // A line ends with its only zero byte (rzCOBS).
         let end = self.begun.iter().rposition(|byte| *byte == 0);
         let whole = end.map_or(0, |end| end + 1);
         let whole: Vec<u8> = self.begun.drain(..whole).collect();
@@ -223,7 +223,7 @@ mod tests {
     fn a_line_that_comes_in_pieces_is_one_line() {
         let table = r#"{"entries": {"1": {"string": {"tag": "Info", "string": "converter up"}, "raw_symbol": "1"}},
             "timestamp": null, "bitflags": {}, "encoding": "Rzcobs"}"#;
-        // Line 1 twice, `01 00` in rzCOBS: the byte that is not zero, and a mask of the seven.
+        // Line 1 twice: rzCOBS has `01 00` as its byte that is not zero and a mask of seven bytes.
         let bytes = [0x01, 0x7E, 0x00, 0x01, 0x7E, 0x00];
         for cut in 0..=bytes.len() {
             let mut stream = LogStream::new(Log(serde_json::from_str(table).unwrap()));

@@ -7,8 +7,7 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// Longest duration of a save, s: erasing sixteen sectors takes 0.4 s each at most, and their items
-/// are written.
+/// Longest duration of a save, s: sixteen sectors are erased, in 0.4 s each at most, and written.
 const SAVE_S: f64 = 15.0;
 /// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
@@ -37,7 +36,7 @@ pub(crate) fn store(link: &mut Link) -> Result<Storage, Failure> {
     ))
 }
 
-/// Stores the configuration in force if that is asked for. Returns the state of the storage.
+/// Stores the configuration in force if `asked`. Returns the state of the storage.
 ///
 /// # Errors
 /// If the board is gone, refuses it, or could not store it.

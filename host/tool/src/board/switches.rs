@@ -30,7 +30,7 @@ pub(crate) fn read(file: &Path) -> Result<Switches, Failure> {
     Ok(document.switches)
 }
 
-/// Formats switches as such a file.
+/// Formats switches as the text of a file of switches.
 pub(crate) fn document(switches: Switches) -> Result<String, Failure> {
     toml::to_string(&Document { switches })
         .map_err(|error| Failure::Refused(format!("the switches cannot be written: {error}")))

@@ -102,24 +102,24 @@ impl FaultKind {
 const COMPARATOR_DUTY: f32 = 0.29;
 /// Shortest time in which a sensor sweeps between the middle and the top of its range, s.
 const SWEEP_S: f64 = 1.618_034;
-/// Largest change of a sensor's frequency within a third of its period, relative to the stated
-/// uncertainty of a reading. The mean between the counted edges and the mean over the whole
-/// conversion may belong to times that differ by a third of a period.
+/// Limit of the change of a sensor's frequency within a third of its period, relative to the stated
+/// uncertainty of a reading. The mean over the counted edges and the mean over the conversion may
+/// belong to times that differ by a third of a period.
 const MOTION: f64 = 0.2;
-/// The verb gives up after this many consecutive recoveries: 50 take 5 ms each or more, together a
-/// quarter of a second.
+/// The verb gives up after this many consecutive recoveries. 50 recoveries take 5 ms each or more,
+/// together a quarter of a second.
 const RECOVERIES: u32 = 50;
-/// Time after which the bus master gives up on a line that stays low: a few times that of a
-/// transfer.
+/// Time after which the bus master gives up on a line that stays low: several times the duration of
+/// a transfer.
 const BUS_DEADLINE: Time = Time::from_ms(1);
-/// One register is compared after each of this many frames, if the bus has time for it: 48 bit
-/// times, and 20 us of the master for both transfers.
+/// Number of frames after which one register is compared, if the bus has time: the two transfers
+/// take 48 bit times, and 20 us of the master.
 const FRAMES_PER_CANARY: u32 = 8;
 const CANARY_BITS: u64 = 48;
 const CANARY_MASTER_NS: u64 = 20_000;
 
-/// Coils with a slow sinusoidal sweep: equal steps from reading to reading would give the same
-/// rounding again and again.
+/// Coils whose frequency slowly sweeps along a sine. A linear sweep would have equal steps from
+/// reading to reading, which round alike again and again.
 #[derive(Clone)]
 struct Coils {
     lowest_hz: f64,
@@ -246,7 +246,7 @@ struct ChipSession<'a> {
     shutdown: ShutdownPin<'a, Coils>,
     delay: Delay<'a, Coils>,
     bus: Bus<'a, Coils>,
-    /// What releases the interrupt of this chip, as the driver found.
+    /// Event that releases the interrupt of this chip, as the driver found.
     release: InterruptRelease,
     /// Whether the bus has time to read a register between two frames.
     has_room: bool,

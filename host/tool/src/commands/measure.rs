@@ -144,8 +144,8 @@ impl MeasurementLine {
     }
 }
 
-/// Prints the measurements of a recording. A refusal in it is printed and is not a failure of this
-/// verb.
+/// Prints the measurements of a recording. A recorded refusal is printed, and does not make this
+/// verb fail.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
     let mut cause = None;
@@ -189,7 +189,7 @@ pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Fail
         },
     )?;
     link.take();
-    // A board that measures at every contact has already started, and answers so.
+    // A board that measures at every contact has already started, and its answer says so.
     link.ask(&Command::Measure)?;
     let result = link.wait_for(RESULT_S, "result", |record| match record {
         Record::Estimate(estimate) => Some(Ok(estimate.clone())),

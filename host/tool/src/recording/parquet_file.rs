@@ -1,6 +1,6 @@
 //! Parquet files: typed columns, with their units in the metadata.
 //!
-//! Without Arrow and compression; see docs/decisions/0073-recordings.md.
+//! Arrow and compression are not used; see docs/decisions/0073-recordings.md.
 
 use std::io::Write;
 use std::sync::Arc;

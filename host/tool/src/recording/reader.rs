@@ -68,7 +68,7 @@ fn refused(file: &Path, problem: &str) -> Failure {
 /// Creates a reader of one recording.
 fn linear() -> LinearReader {
     let options = LinearReaderOptions::default()
-        // A chunk is returned unchanged or not at all.
+        // Returns a chunk only after a check of its CRC.
         .with_prevalidate_chunk_crcs(true)
         .with_record_length_limit(LONGEST);
     LinearReader::new_with_options(options)
@@ -87,7 +87,7 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// Damage that ends the recording early, after reading; `None` for a whole file.
+    /// Damage that ended the reading early; `None` for a whole file. Valid after the last entry.
     pub fn damage(&self) -> Option<String> {
         let damage = self.damage.as_ref()?;
         Some(match damage {
@@ -207,7 +207,7 @@ fn read(from: &mut impl io::Read, to: &mut [u8]) -> io::Result<usize> {
 /// State of the messages of a file that are records of a board.
 #[derive(Default)]
 struct Messages {
-    /// Channels with such records.
+    /// Channels with records of a board.
     channels: HashSet<u16>,
     /// Whether the file is a recording of a board, written by any program.
     is_ours: bool,

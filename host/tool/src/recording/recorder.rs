@@ -12,8 +12,8 @@ use palpate_cli::failure::Failure;
 use super::writer::Writer;
 use super::{Entry, Logged, Note, Recorded};
 
-/// Interval of flushes, which is the greatest loss if the program is killed: half of the second
-/// that docs/desk.md states.
+/// Interval of flushes: a killed program loses at most this much, half of the second that
+/// docs/desk.md states.
 const CHUNK: Duration = Duration::from_millis(500);
 /// Maximum number of entries that wait for the disk: 16 s at the board's 1 kHz, more than the
 /// spin-up of a hard disk, and less than 5 MB.
@@ -90,7 +90,7 @@ impl Recorder {
         self.queue.send(Entry::Note(note)).is_ok()
     }
 
-    /// Adds a line of the log without waiting for the disk; a lost line loses no data.
+    /// Adds a line of the log without waiting for the disk. Drops it if the queue is full.
     pub(crate) fn log(&mut self, line: Logged) {
         let _ = self.queue.try_send(Entry::Log(line));
     }

@@ -38,7 +38,7 @@ fn durations_and_factors_that_cannot_be_are_refused() {
     assert_eq!(output.status.code(), Some(2), "{output:?}");
 }
 
-/// Linux allows file names that are not UTF-8.
+/// File names on Linux need not be UTF-8. Every verb prints such a name in its JSON output.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_name_that_is_no_text_is_printed_as_json_nevertheless() {
@@ -54,7 +54,7 @@ fn a_name_that_is_no_text_is_printed_as_json_nevertheless() {
             .arg(OsStr::from_bytes(file))
             .current_dir(folder.path())
             .output();
-        // A replay that finds nothing to compare fails, but prints its result.
+        // A replay without anything to compare fails, but prints its result.
         serde_json::from_slice::<Value>(&output.unwrap().stdout).unwrap()
     };
     let lossy = "r\u{fffd}.mcap";

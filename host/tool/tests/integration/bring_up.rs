@@ -20,7 +20,7 @@ struct Document {
     switches: Switches,
 }
 
-/// Switches of which each has its position `number`; those with fewer positions have their first.
+/// All switches at their position `number`, or at the first where they have fewer positions.
 fn positions(number: usize) -> Switches {
     macro_rules! position {
         ($kind:ident) => {
@@ -74,13 +74,13 @@ fn every_position_of_every_switch_is_found() {
     }
 }
 
-/// A board behind a probe that polls its channels every 5 ms, as a probe's server does.
+/// Serves a board behind a probe that polls its channels every 5 ms, as a probe's server does.
 fn serve(listener: &TcpListener, image: &Image) {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_nonblocking(true).unwrap();
     let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
     let mut board = EmulatedBoard::new(image, plant, Settings::default(), Options::default());
-    // Starts the board before the first request, as one that was flashed long ago.
+    // The board runs before the first request, as a board that was flashed long ago.
     board.run_for(Time::from_ms(100)).unwrap();
     loop {
         let mut bytes = [0; 64];

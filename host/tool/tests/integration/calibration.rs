@@ -38,7 +38,7 @@ fn refused(child: Child) -> String {
     message
 }
 
-/// Configuration in force after a restart, which is the stored one.
+/// Returns the configuration in force after a restart, which is the stored one.
 fn configuration(folder: &Path, name: &str) -> String {
     let exported = emulated(&["settings", "export", name], folder);
     let message = String::from_utf8_lossy(&exported.stderr);

@@ -53,9 +53,8 @@ fn sigma_is_right_within_10_percent() {
     }
 }
 
-/// For a slow sensor the word's rounding matters, and so does the small number of its periods in a
-/// conversion. The ratio of counts has no verdict below 1/37 of the reference, which is 20 MHz or
-/// 40 MHz here.
+/// A slow sensor has few periods in a conversion, and the rounding of its word matters. The ratio
+/// of counts has no verdict below 1/37 of the reference, which is 20 MHz or 40 MHz here.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
@@ -73,7 +72,7 @@ fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
             lines.iter().all(|line| line["plausible"] != false),
             "{arguments}"
         );
-        // A sensor at rest gives the same word forever.
+        // A sensor at rest gives the same word forever, so its scatter is not tested.
         if arguments.contains("..") {
             let scatter = scatter(&lines);
             assert!((0.9..1.1).contains(&scatter), "{arguments}: {scatter}");

@@ -123,8 +123,8 @@ impl Served {
     }
 }
 
-/// An emulated board behind a probe's server, in real time. A file contains its true current,
-/// averaged over a tenth of a second.
+/// Serves an emulated board behind a probe, in real time. The file `meter` contains its true
+/// current, averaged over a tenth of a second.
 fn serve(meter: Option<PathBuf>) -> Served {
     let image = Image::load(image()).unwrap();
     let [records, commands] = [0, 1].map(|_| TcpListener::bind("127.0.0.1:0").unwrap());
@@ -222,8 +222,8 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let folder = tempfile::tempdir().unwrap();
     let meter = folder.path().join("meter");
     let served = serve(Some(meter.clone()));
-    // Waits for the second value of the meter from now on, since the first is averaged over time
-    // before.
+    // Waits for the second new value of the meter, since the first is an average that includes the
+    // time before.
     let lines = format!(
         "number() {{ cut -d' ' -f1 {0}; }}\nbegin=$(number)\n\
          while [ $(number) -lt $((begin + 2)) ]; do sleep 0.02; done\ncut -d' ' -f2 {0}",
@@ -245,7 +245,7 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let [before_a, after_a] = ["worst_before_a", "worst_after_a"].map(|of| number(&found[of]));
     println!("{before_a:.3} A, then {after_a:.3} A");
     assert!(before_a > 0.8 * GAIN_ERROR * 2.0, "{before_a}");
-    // The meter averages over other 80 ms than the board. How long it reads at the ends of a sweep
+    // Meter and board average over different 80 ms. How much of a sweep's ends the meter reads
     // depends on this machine, but no mean deviates by more than the sweep's amplitude.
     assert!(after_a < SWEPT_A, "{after_a}");
     served.server.join().unwrap();

@@ -17,8 +17,8 @@ fn palpate(index: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Presses springs on a sensor of this design with all disturbances: each must give an estimate
-/// whose interval covers the truth.
+/// Presses springs on a sensor of this design with all disturbances. Each press must give an
+/// estimate whose interval covers the truth.
 fn measures(index: &Path, stack: &str, seed: u32, springs_n_per_m: &[f64]) {
     let mut scenario = format!("stack = \"{stack}\"\ndisturbances = \"all\"\n");
     for n_per_m in springs_n_per_m {

@@ -65,7 +65,7 @@ fn what_one_command_calibrates_measures_in_the_next() {
     let calibrated = on_board(folder.path(), "7", &arguments);
     let stored = json(&calibrated);
     assert_eq!(stored["stored"], true);
-    // The cross-talk is still that of the calibration just before, so nothing is corrected.
+    // The calibration is new, so the cross-talk is unchanged and nothing is corrected.
     let untouched = on_board(
         folder.path(),
         "7",
@@ -95,7 +95,7 @@ fn what_one_command_calibrates_measures_in_the_next() {
     );
 }
 
-/// Rise at the end of a calibration's curve.
+/// Greatest rise in the curve of a calibration.
 fn greatest_rise(calibration: &Path) -> f64 {
     let text = fs::read_to_string(calibration).unwrap();
     let commands = text.lines().map(|line| serde_json::from_str(line).unwrap());
@@ -130,7 +130,7 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
         (change - of("rise_change")).abs() < 2e-3,
         "{change} {checked}"
     );
-    // The spring has another stiffness than the one stated here.
+    // The stated stiffness is not that of the spring, so the check refuses.
     let refused = on_board(&["check", "--spring", "30000", "--store"]);
     let message = String::from_utf8(refused.stderr).unwrap();
     assert_eq!(refused.status.code(), Some(1), "{message}");

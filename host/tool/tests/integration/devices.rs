@@ -67,7 +67,7 @@ fn every_verb_has_a_manual_page() {
         let page = pages.join(name).with_extension("1");
         assert!(page.is_file(), "{name}");
     }
-    // Hidden verbs have no page.
+    // A hidden verb has no manual page.
     assert!(!pages.join("palpate-misfit.1").exists());
 
     let file = folder.path().join("file");

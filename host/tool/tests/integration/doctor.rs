@@ -70,7 +70,7 @@ fn a_bare_board_is_not_calibrated_and_a_calibrated_one_is_sound() {
     assert!(said.contains("nothing is wrong"), "{said}");
 }
 
-/// The second channel has no sensor, and the watchdog ends its conversions early.
+/// The second channel has no sensor, so the watchdog ends its conversions early.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_sensor_that_does_not_oscillate_is_the_fault_that_is_found() {
@@ -78,7 +78,7 @@ fn a_sensor_that_does_not_oscillate_is_the_fault_that_is_found() {
     let folder = folder.path();
     let set = ["settings", "set", "channels=2", "rate_hz=300", "--store"];
     assert!(emulated(&set, folder).status.success());
-    // The fault began before the tool connected; after clearing it comes again.
+    // The fault began before the tool connected. After clearing, it comes again.
     let found = emulated(&["doctor", "--json"], folder);
     assert_eq!(names(&found), ["earlier_fault", "not_calibrated"]);
     let cleared = emulated(&["doctor", "--clear", "--json"], folder);
@@ -96,7 +96,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     calibrate(folder);
     let flash = folder.join("board.flash");
     upset(&flash);
-    // The board reports a fault when it begins, here before its port exists.
+    // The board reports a fault only when it begins, which is before the port exists here.
     let damaged = emulated(&["doctor", "--json"], folder);
     let found = names(&damaged);
     assert_eq!(
@@ -106,7 +106,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     let cleared = emulated(&["doctor", "--json", "--clear"], folder);
     assert_eq!(report(&cleared)["cleared"], "storage_damaged");
     assert_eq!(names(&cleared), ["storage_damaged", "not_calibrated"]);
-    // The remedy that the findings state works.
+    // Follows the remedy that the findings state: the board is then sound.
     calibrate(folder);
     assert_eq!(names(&emulated(&["doctor", "--json"], folder)), [""; 0]);
 }
@@ -119,14 +119,14 @@ fn a_port_that_another_program_uses_is_busy() {
     let folder = tempfile::tempdir().unwrap();
     let output = palpate(&["doctor", "--json", "--board", &board], folder.path());
     assert_eq!(names(&output), ["busy"]);
-    // Every verb reports that the port is busy.
+    // Other verbs report a busy port too.
     let output = palpate(&["settings", "get", "--board", &board], folder.path());
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1));
     assert!(said.contains("another program is connected"), "{said}");
 }
 
-/// The book's table lists all findings of a board or a port, and no others.
+/// Checks that the book's table lists all findings of a board or a port, and no others.
 #[test]
 fn every_finding_stands_in_the_book_and_has_a_test() {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));

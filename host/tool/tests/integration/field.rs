@@ -38,8 +38,8 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("no {key}"))
 }
 
-/// A copper plane mirrors the field and absorbs power; its eddy currents add to the coil's own
-/// resistance.
+/// A copper plane mirrors the coil's field, which lowers the inductance; its eddy currents absorb
+/// power, which adds to the coil's resistance.
 #[test]
 fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
     let copper = "material.plane.conductivity_S_per_m=5.8e7";
@@ -248,7 +248,7 @@ fn pictures_with_axes_and_units() {
 
 #[test]
 fn a_sweep_keeps_every_point() {
-    // A gap of zero is not a design, which its row states.
+    // A gap of zero gives no design; the row states this in its last column.
     let csv = printed(&[
         "sweep",
         "B1",
@@ -295,7 +295,7 @@ fn an_optimum_within_bounds() {
     let gap = text
         .lines()
         .find_map(|line| line.strip_prefix("parameters.gap = "));
-    // The result may be at a bound, which follows the number.
+    // The number may be followed by a comma and the remark that it is at a bound.
     let gap: f64 = gap.unwrap().split(',').next().unwrap().parse().unwrap();
     assert!((4.0..=6.0).contains(&gap));
     assert!(text.contains("std/mean of |B| in the core"), "{text}");
@@ -399,7 +399,7 @@ fn an_inductance_has_one_name() {
         heads.contains(&"L") && !heads.contains(&"linkage"),
         "{compared}"
     );
-    // At a current the value is a flux, not in henry.
+    // At a current the figure is a flux linkage, not an inductance.
     let driven = printed(&["compare", "air", "--current", "1", "--accuracy", "1e-3"]);
     assert!(
         driven.contains("linkage") && driven.contains("uWb"),
@@ -492,8 +492,8 @@ fn stacks_that_the_plant_takes() {
     assert!((number(last, "stiffening") - paper.stiffening_at_peak.centre()).abs() < 1e-6);
 }
 
-/// Every command prints the files of a table and a drawing, and where the field exceeds the table;
-/// a table in other units is refused.
+/// Every command prints which files it reads (a table and a drawing), and where the field exceeds
+/// the table. A table in other units is refused.
 #[test]
 fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -523,8 +523,8 @@ fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     assert_eq!(solved["files"].as_array().unwrap().len(), 2);
     let beyond = &solved["beyond_tables"][0];
     assert_eq!(beyond["part"], "ball");
-    // A ball of polarisation J has the background plus two thirds of J; beyond the table J is that
-    // of its end.
+    // A ball of polarisation J has the background plus two thirds of J. Beyond the table J stays at
+    // the value of the table's end.
     let ball_t = 0.7 + 2.0 / 3.0 * (1.62 - 4e-7 * PI * 5e3);
     let greatest_t = number(beyond, "greatest_B_T");
     assert!((greatest_t / ball_t - 1.0).abs() < 1e-3, "{beyond}");
@@ -551,7 +551,7 @@ fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     }
 }
 
-/// Plates without a conductivity are named, and a stack file has no second sensing coil.
+/// Names plates without a conductivity; refuses a stack file of a design with a sensing coil.
 #[test]
 fn what_a_design_leaves_out_is_said() {
     let ac = [

@@ -29,7 +29,7 @@ const COMMANDS: &[u8] = include_bytes!("../../../../firmware/wire/fixture/v2-com
 const RECORDS: &[u8] = include_bytes!("../../../../firmware/wire/fixture/v2-records.bin");
 const BENCH: &[u8] = b"stage\nmount spring 600\nmount block\nmove 0.001 0.0005\nmove -0.001 1\n";
 
-/// Bytes of an attacker, sometimes close to valid ones.
+/// Bytes of an attacker, in some cases similar to the valid bytes `sound`.
 fn payload(random: &mut Random, sound: &[u8], is_text: bool) -> Vec<u8> {
     let length = random.below(4_096);
     match random.below(6) {
@@ -85,7 +85,7 @@ fn attacks(
     defects
 }
 
-/// Repeats a check until it succeeds or the time of a program's patience is over.
+/// Repeats a check until it succeeds or `PATIENCE` is over.
 fn in_time(mut serves: impl FnMut() -> Result<(), String>) -> Result<(), String> {
     let began = Instant::now();
     loop {
@@ -236,7 +236,7 @@ fn at_a_false_board(seed: u64) -> Option<String> {
         _ if is_late => format!("waits after {PATIENCE:?}"),
         _ if said.contains("panicked at") => said.into_owned(),
         Some(1 | 2) if said.is_empty() => "fails without a word".to_owned(),
-        // A recording may contain all data that arrived.
+        // Recording succeeds, since a recording may contain all data that arrived.
         Some(0) if verb[0] != "record" => "takes it for a board".to_owned(),
         Some(0..=2) => return None,
         _ => format!("{:?}: {said}", output.status),
@@ -244,7 +244,7 @@ fn at_a_false_board(seed: u64) -> Option<String> {
     Some(format!("{verb:?} at false board {seed}: {what}"))
 }
 
-/// Runs the tool with many such boards in parallel, since most of the time is waiting.
+/// Runs the tool with many false boards in parallel, since most of the time is waiting.
 fn at_false_boards((count, first): (u64, u64)) -> Vec<String> {
     let of = |worker: u64| {
         (first + worker..first + count)

@@ -16,7 +16,7 @@ use crate::mutation::{Random, mutant};
 use crate::serve::Server;
 use crate::support::{CALIBRATION, emulated, image, palpate};
 
-/// Limits of a run of the tool: processor time and memory, and for a busy machine the time.
+/// Limits of a run of the tool: processor time, memory, and elapsed time for a busy machine.
 const PROCESSOR_S: u64 = 10;
 const MEMORY_KIB: u64 = 4_000_000;
 const WALL_S: u64 = 60;
@@ -497,8 +497,8 @@ fn foreign(random: &mut Random) -> Vec<Vec<u8>> {
 fn campaign(kind: &Kind, sound: &BTreeMap<String, Vec<u8>>, mutants: u64, first: u64) -> Tally {
     let mut tally = Tally::default();
     let mut others = foreign(&mut Random(first));
-    // An empty file is left out where it is also the output, since a sweep starts with an empty
-    // file.
+    // Leaves out the empty file where the file is also the output, since a sweep may start with an
+    // empty file.
     others.retain(|bytes| !bytes.is_empty() || !kind.is_output());
     let others_count = if mutants < 100 { 3 } else { others.len() };
     for (seed, bytes) in (0..).zip(others.iter().take(others_count)) {

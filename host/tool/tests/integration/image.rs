@@ -6,7 +6,7 @@ use std::process::Output;
 
 use assert_cmd::Command;
 
-/// A press that is refused early, on a spring far from the sensor's limits.
+/// A press that is refused early, on a spring far from the limits of the sensor.
 const SCENARIO: &str = r#"
 stack = "ultrasoft"
 disturbances = "none"
@@ -18,9 +18,9 @@ stiffness_N_per_m = 2e3
 depth_m = 0.05e-3
 "#;
 
-/// The engines differ only in the times of events. With all disturbances these times alone change a
-/// result by a fifth of a standard error or more on some sensors, since the converter counts whole
-/// periods.
+/// Without disturbances, since the two engines differ in the times of events. With all disturbances
+/// these times alone change a result by a fifth of a standard error or more on some sensors,
+/// because the converter counts whole periods.
 const IDEAL: &str = r#"
 stack = "ultrasoft"
 disturbances = "none"
@@ -104,11 +104,11 @@ fn the_image_finds_what_the_computer_finds() {
     let image = ratios(folder.path(), "image");
     assert_eq!((computer.len(), image.len()), (2, 2));
     for (here, there) in computer.iter().zip(&image) {
-        // Relative to the slope of the line, which is the measured quantity.
+        // The slope of the line, 1 + kappa + g, is what the instrument measures.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // The limit exceeds 3e-4, the effect of ten microseconds between the reported and the true
-        // current.
+        // The limit is above 3e-4: that much comes from ten microseconds between the reported and
+        // the true current.
         assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }
 }

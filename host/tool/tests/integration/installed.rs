@@ -150,7 +150,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let said = format!("building the firmware image of {}", workspace.display());
     assert!(message.contains(&said), "{message}");
     assert_eq!(found.stdout, named.stdout);
-    // As in an unpacked release, outside a checkout.
+    // Outside a checkout the tool takes the image of an unpacked release.
     let firmware = folder.path().join("bin/firmware");
     fs::create_dir(&firmware).unwrap();
     fs::copy(&image, firmware.join("palpate-pico.elf")).unwrap();
@@ -158,7 +158,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let message = String::from_utf8(beside.stderr).unwrap();
     assert!(beside.status.success(), "{message}");
     assert_eq!(beside.stdout, named.stdout);
-    // The image alone in the tool's folder.
+    // The tool also takes an image directly in its folder.
     fs::rename(
         firmware.join("palpate-pico.elf"),
         folder.path().join("bin/palpate-pico.elf"),
@@ -179,7 +179,7 @@ fn a_tool_that_waits_for_another_cargo_says_so_and_ends_when_it_is_asked() {
     let mut tool = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["record", "never.mcap", "--for", "1", "--board", "emulated"])
         .env("CARGO_TARGET_DIR", target.path())
-        // In one process group with its cargo, which must end before it builds.
+        // Shares a process group with its cargo, so that the test can end cargo before it builds.
         .process_group(0)
         .stderr(Stdio::piped())
         .spawn()

@@ -122,7 +122,7 @@ fn more_silent_connections_than_file_handles_do_not_end_the_page() {
 fn pages_that_send_long_frames_take_no_memory() {
     let live = Live::start(&[]);
     let before = live.memory();
-    // Start of a text of 15 MB, below the usual limit of a frame, masked with zeros.
+    // Start of a text of 15 MB, masked with zeros: less than the usual limit of a frame.
     let mut frame = vec![0x81, 0x80 | 127];
     frame.extend(15_000_000u64.to_be_bytes());
     frame.resize(8_000_000, 0);

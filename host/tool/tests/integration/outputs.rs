@@ -37,7 +37,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
         &["field", "figures", "A", "--out"],
     ];
     for verb in verbs {
-        // A verb creates its output folder if it can.
+        // Verbs create their output folder, so only a file in its path makes it impossible.
         let names_folder = verb.contains(&"--plots") || verb.contains(&"figures");
         let wrong: &[&str] = if names_folder {
             &["file", "file/plots"]
@@ -85,7 +85,7 @@ fn started(index: &Path, arguments: &[&str]) -> Child {
         .unwrap()
 }
 
-/// Output of a run that was killed after `lines` lines, without a chance to write more.
+/// Returns the output of a run that was killed after `lines` lines and could write no more.
 fn interrupted_after(lines: usize, mut run: Child) -> String {
     let mut out = BufReader::new(run.stdout.take().unwrap());
     let mut text = String::new();
@@ -112,7 +112,7 @@ fn an_interrupted_sweep_has_its_first_rows() {
     let text = interrupted_after(6, run);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-    // Killed long before the end: with buffered output, the pipe would contain most rows.
+    // The run was killed long before its end. With buffered output the pipe would have most rows.
     assert!((5..200).contains(&rows.len()), "{}", rows.len());
     for (index, row) in rows.iter().enumerate() {
         let gap: f64 = row[0].parse().unwrap();

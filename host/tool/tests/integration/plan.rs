@@ -71,7 +71,7 @@ fn what_is_taken_from_another_stack_is_said() {
         "stiffening_at_peak = { nominal = 0.2,",
     );
     assert_ne!(text, other);
-    // A file from `stack show` is the design itself.
+    // A file from `stack show` is the same design, so nothing in its plan is assumed.
     for (text, is_assumed) in [(&text, false), (&other, true)] {
         std::fs::write(&file, text).unwrap();
         let file = file.to_str().unwrap();

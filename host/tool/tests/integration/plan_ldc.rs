@@ -31,7 +31,7 @@ fn a_plan_is_explained() {
 fn a_plan_is_json_too() {
     let output = palpate(&["--channels", "0", "--rate", "1000", "--json"]);
     let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // The reference is 40 MHz halved: 999,058 ns at 20 MHz are 19,981 periods, 1248 times 16.
+    // The reference is 40 MHz halved: 999,058 ns at 20 MHz are 19,981 periods, or 1248 times 16.
     assert_eq!(
         plan["plan"]["configuration"]["channels"][0]["rcount"],
         1_248
@@ -82,7 +82,7 @@ fn a_conversion_holds_six_periods_of_the_slowest_sensor() {
     let output = palpate(&["--sensor", "1k..2k", "--json"]);
     let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
     let rcount = &plan["plan"]["configuration"]["channels"][0]["rcount"];
-    // The conversion takes 6 ms at 20 MHz.
+    // 7500 times 16 periods at 20 MHz take the 6 ms that the conversion needs.
     assert_eq!(rcount.as_u64(), Some(7_500));
     let refused = palpate(&["--sensor", "1k..2k", "--rcount", "7499"]);
     let message = String::from_utf8(refused.stderr).unwrap();

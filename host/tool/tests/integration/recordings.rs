@@ -110,8 +110,8 @@ fn what_an_emulated_board_sends_is_in_the_tables_without_a_gap() {
         let behind_s = of("device_time_s") - 1e-6 * of("time_us");
         let step_s = behind_s - before_s.replace(behind_s).unwrap_or(behind_s);
         assert!(step_s.abs() < 1e-6, "{step_s} s");
-        // Conversion, sending and reception take 1 or 2 ms. The clocks are compared to within a
-        // poll of the port.
+        // Conversion, sending and reception take 1 or 2 ms. The comparison of the clocks is
+        // accurate to a poll of the port.
         let late_s = of("host_time_s") - of("device_time_s");
         assert!((-0.005..0.02).contains(&late_s), "{late_s} s");
     }
@@ -157,7 +157,7 @@ fn a_recording_goes_on_with_the_next_boot_and_ends_with_ctrl_c() {
         samples(folder.path(), "r.mcap.partial") > 0
     });
     drop(first);
-    // Starts another board: the same one would repeat its random numbers.
+    // Another seed, since the same board would repeat its random numbers and so its boot id.
     let _second = Server::at(&address, &["--seed", "2", "--state", &flash]);
     wait_until("the second boot is recorded", || {
         info(folder.path(), "r.mcap.partial").is_some_and(|info| {

@@ -32,7 +32,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert_eq!(count("uncertainty_budget", "identical"), 1, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
-    // A file as other programs rewrite it, with the notes behind the messages.
+    // Other programs rewrite a file with the notes behind the messages: the replay is the same.
     rewritten(&folder.join("r.mcap"), &folder.join("w.mcap"));
     let again = json(&palpate(&["replay", "w.mcap", "--json"], folder));
     assert_eq!(again["kinds"], replayed["kinds"], "{again}");

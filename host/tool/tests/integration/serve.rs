@@ -179,7 +179,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
     assert!(hello.unit != 0 && hello.configuration_crc == 0, "{hello:?}");
     let mut second = server.connect();
     let mut said = String::new();
-    // On a busy machine the server answers late.
+    // A busy machine may answer late.
     second.stream.set_read_timeout(Some(PATIENCE)).unwrap();
     second.stream.read_to_string(&mut said).unwrap();
     assert!(said.contains("another program is connected"), "{said}");
@@ -191,7 +191,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
 fn store(flash: &Path) -> u32 {
     let server = Server::start(&["--state", &flash.to_string_lossy()]);
     let mut program = server.connect();
-    // Asks for the boot id, which a command that sets settings has to name.
+    // Asks for the boot id first, since a command that sets settings has to name it.
     program.hello();
     let settings = program.ask(&palpate_wire::Command::GetSettings, |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
@@ -208,7 +208,7 @@ fn store(flash: &Path) -> u32 {
         (stored.action, stored.succeeded),
         (StorageAction::Store, true)
     );
-    // Waits for an answer, which arrives after the file was written: the flash is then idle.
+    // Waits for another answer. By then the flash is idle and the file is written.
     program.hello();
     stored.stored_crc
 }
@@ -249,7 +249,7 @@ fn a_request_of_a_browser_reaches_no_board() {
     let mut buffer = [0; palpate_wire::Command::MAX_FRAME];
     let identify = palpate_wire::Command::Identify;
     let frame = encode(&sequencer.stamp(0), &identify, &mut buffer).unwrap();
-    // A delimiter before the frame, so that the frame starts there.
+    // Starts the body with a delimiter, so that a frame begins there.
     let body = [&[0], frame].concat();
     for method in ["POST", "OPTIONS", "X"] {
         let closed = exchange(&server.address, &request(method, &body));

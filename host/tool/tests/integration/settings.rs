@@ -148,7 +148,7 @@ fn what_was_exported_and_erased_is_there_again_after_an_import() {
         fs::read_to_string(folder.join("second.jsonl")).unwrap(),
         first
     );
-    // Parts of the board that the file lacks are named, and the stored configuration returns.
+    // A refused import names the parts that the file lacks, and restores the stored configuration.
     fs::write(folder.join("curve.jsonl"), lines(&curve())).unwrap();
     let refused = settings(&["import", "curve.jsonl", "--store"], folder);
     let said = String::from_utf8_lossy(&refused.stderr);
@@ -180,7 +180,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     let said = String::from_utf8_lossy(&beyond.stderr);
     assert_eq!(beyond.status.code(), Some(2), "{said}");
     assert!(said.contains("allowed are 1 to 5000 Hz"), "{said}");
-    // 15 A is within the protocol's range, but the board allows 12 A.
+    // The protocol allows 15 A, but this board only 12 A.
     let narrower = settings(&["set", "peak_current_a=15"], folder.path());
     let said = String::from_utf8_lossy(&narrower.stderr);
     assert_eq!(narrower.status.code(), Some(1), "{said}");
@@ -200,7 +200,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     assert_eq!(unconfirmed.status.code(), Some(2));
 }
 
-/// A change that is undone at the end of the command, a fault with its value, and an empty file.
+/// Messages about a change lost with the command, a fault with its value, and an empty file.
 #[test]
 fn what_becomes_of_a_change_is_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,7 +215,7 @@ fn what_becomes_of_a_change_is_said() {
     let (code, kept) = said(&["set", "rate_hz=500", "--store"]);
     assert_eq!(code, Some(0), "{kept}");
     assert!(!kept.contains("Lost"), "{kept}");
-    // Only one coil is connected.
+    // The second channel has no coil, so it does not oscillate.
     let (code, silent) = said(&["set", "channels=3", "--store"]);
     assert_eq!(code, Some(1), "{silent}");
     assert!(silent.contains("sensor_not_oscillating, 1. "), "{silent}");

@@ -49,7 +49,7 @@ fn is_within_half_a_percent(seed: &str) {
         let error = estimate / truth - 1.0;
         assert!(error.abs() < 5e-3, "seed {seed}: {error} in {line}");
     }
-    // The block is rigid: no upper end, or a stiffness far beyond all springs of the row.
+    // The block is rigid: no upper end, or a stiffness far above all springs of the row.
     let block = &row[7]["estimate"];
     let lower = block["lower_n_per_m"].as_f64().unwrap();
     assert!(lower > 1e5, "seed {seed}: {block}");
@@ -103,7 +103,7 @@ fn with_other_seeds_every_estimate_is_as_good() {
         .collect();
     assert!(estimates.len() >= 36, "{} of 40", estimates.len());
     let held = estimates.iter().filter(|line| line["within_claim"] == true);
-    // By chance fewer than 34 of 40 intervals of 95 % cover the truth once in three hundred cases.
+    // By chance fewer than 34 of 40 intervals of 95 % cover in one of three hundred cases.
     let missed = estimates.len() - held.count();
     assert!(missed <= 6, "{missed} of {} miss", estimates.len());
     for line in estimates {
@@ -373,7 +373,8 @@ fn a_campaign_counts_in_every_world() {
         cells[3..6].to_vec()
     };
     assert_eq!(holds(calibrated), ["3", "0", "100.0 %"], "{calibrated}");
-    // The sensor cannot know this error, but the interval that misses the truth counts as a miss.
+    // The sensor cannot detect this error, but each interval that misses the truth counts as a
+    // miss.
     assert_eq!(holds(weaker), ["3", "0", "0.0 %"], "{weaker}");
 
     let output = palpate(&[&sensors[..], &worlds[..], &["--json"]].concat());

@@ -55,7 +55,7 @@ fn posted_words_are_ratios_within_the_window() {
     }
 }
 
-/// Also with Windows line ends and blank lines the reported line is that of an editor.
+/// The reported line is that of an editor, also with Windows line ends and blank lines.
 #[test]
 fn a_wrong_word_is_named_by_its_line_whatever_ends_lines() {
     let lines = "source,fref_hz,rcount,kind,value\na,40e6,65535,word,0x01234567\n\nb,40e6,65535,word,01234567\n";

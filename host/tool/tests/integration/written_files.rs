@@ -62,7 +62,7 @@ fn links_beside_a_state_keep_what_they_lead_to() {
     assert_eq!(fs::read(folder.join("board.flash")).unwrap().len(), 65_536);
 }
 
-/// A limit on file size fails like a full disk.
+/// A limit on the size of files makes writing fail as on a full disk.
 #[cfg(unix)]
 #[test]
 fn a_state_that_cannot_be_written_is_named_with_the_disk() {

@@ -62,7 +62,7 @@ impl Bench for LinkedBench<'_> {
         let board = self.link.emulated().ok_or_else(no_bench)?;
         board.power_on_in(world)?;
         self.link.reconnect(&self.interrupt)?;
-        // An answer sets the clock.
+        // The answer sets the link's copy of the device's clock.
         self.link.must(&Command::GetSettings)?;
         work(&mut LinkedInstrument {
             link: self.link,
@@ -129,7 +129,7 @@ impl Instrument for LinkedInstrument<'_> {
     ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         let left_s = end.as_secs_f64() - self.now().as_secs_f64();
-        // The lower limit also ends the wait when rounding leaves a remainder of the time.
+        // The lower limit also ends a wait if rounding leaves a small remainder of the time.
         let wait = Duration::from_secs_f64(left_s.clamp(LEAST_S, LONGEST_S));
         self.link.listen(wait)?;
         let arrivals = self.link.take();
@@ -157,14 +157,14 @@ impl Instrument for LinkedInstrument<'_> {
     }
 }
 
-/// The last readings of the gauges, each with the device's time, s. A sample of the board arrives
-/// after it was taken, so the gauges' readings at its time are interpolated between two of these.
+/// The last readings of the gauges, each with the device's time, s. A sample arrives after the
+/// board took it, so the gauges' values at its time are interpolated between two readings.
 #[derive(Default)]
 struct Readings(VecDeque<(f64, RigReading)>);
 
 impl Readings {
-    /// Number of readings that are kept: those of a tenth of a second, much longer than the delay
-    /// of a record.
+    /// Number of kept readings: those of a tenth of a second, much longer than the delay of a
+    /// record.
     const KEPT: usize = 100;
 
     fn push(&mut self, reading: (f64, RigReading)) {
@@ -174,7 +174,7 @@ impl Readings {
         }
     }
 
-    /// Readings of the gauges at a time, s; the nearest reading outside their range.
+    /// Values of the gauges at a time, s. Outside the kept times it returns the nearest reading.
     fn at(&self, time_s: f64) -> RigReading {
         let later = self.0.partition_point(|(at_s, _)| *at_s < time_s);
         let before = later.checked_sub(1).and_then(|index| self.0.get(index));

@@ -22,14 +22,14 @@ pub(crate) struct PluggedBoard {
     image: Image,
     seed: u64,
     instrument: Instrument,
-    /// Time that it ran before its last power-on.
+    /// Time from the first power-on to the last one.
     before: Time,
     touch: Option<Touch>,
     is_open: bool,
     /// Request to open or close the port, until the board has handled it.
     changing: Option<TransferId>,
-    /// Bytes from the program, kept until the port is open: sent earlier, their answers would be
-    /// lost.
+    /// Bytes from the program that wait until the port is open. If they were sent earlier, their
+    /// answers would be lost.
     unsent: Vec<u8>,
     flash: FlashFile,
 }
@@ -109,8 +109,8 @@ impl PluggedBoard {
         Ok(())
     }
 
-    /// Writes a UF2 file as the boot loader's drive does. The board has received the command for
-    /// the boot loader, and starts the new image after the last block.
+    /// Writes a UF2 file as to the boot loader's drive. The board must have received the command
+    /// for the boot loader. The board starts the new image after the last block.
     ///
     /// # Errors
     /// If the board does not start the boot loader, or the emulation does not support the file.
@@ -155,13 +155,13 @@ impl PluggedBoard {
         if is_open == self.is_open || self.changing.is_some() {
             return;
         }
-        // There is no port before the end of the enumeration.
+        // `None` before the end of the enumeration, when there is no port.
         self.changing = self.instrument.board_mut().usb_mut().set_dtr(is_open);
         if self.changing.is_none() {
             return;
         }
         self.is_open = is_open;
-        // Bytes sent before the port was open are kept until it is.
+        // Closing drops the unsent bytes. Opening keeps them: they wait for the open port.
         if !is_open {
             self.unsent.clear();
         }

@@ -107,8 +107,8 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     Ok(Some(area))
 }
 
-/// Whether a sector looks like the storage's: its first byte is erased or a written mark, with up
-/// to two flipped bits, and some bytes are erased.
+/// Whether a sector looks like one of the storage: its first byte is erased or a written mark, with
+/// up to two flipped bits, and some bytes are erased.
 fn is_begun(sector: &[u8]) -> bool {
     let ones = sector.first().map_or(0, |first| first.count_ones());
     !(2..=6).contains(&ones) && sector.contains(&0xFF)

@@ -108,8 +108,8 @@ impl Arguments {
         Ok(())
     }
 
-    /// Returns the named sensor design with the parameters in the middle of its ranges, for a real
-    /// sensor.
+    /// Returns the named sensor design, with the parameters in the middle of its ranges, for a real
+    /// sensor. `None` if no design is named.
     pub(crate) fn expected(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
         if self.stack.is_none() {
             return Ok(None);
@@ -144,7 +144,7 @@ impl Arguments {
         })
     }
 
-    /// Refuses arguments that apply to the emulated board only.
+    /// Fails if an argument is given that applies to the emulated board only.
     pub(crate) fn none_for_a_real_board(&self) -> Result<(), Failure> {
         if self.state.is_some() {
             return Err(Failure::Argument(

@@ -4,13 +4,12 @@ use std::time::{Duration, Instant};
 
 use palpate_sim::Time;
 
-/// A warning follows when virtual time lags behind real time by more than this; a PC's own pauses
-/// are shorter.
+/// Lag of virtual behind real time above which a warning follows. A PC's own pauses are shorter.
 const BEHIND: Duration = Duration::from_secs(1);
 
 /// Synchronisation of virtual with real time.
 pub(crate) struct Pace {
-    /// Real time at virtual time zero, corrected by all lags.
+    /// Real time at virtual time zero, shifted by all lags.
     began: Instant,
     /// Real time lost so far by lags beyond [`BEHIND`].
     lost: Duration,
@@ -26,8 +25,8 @@ impl Pace {
         }
     }
 
-    /// Returns the lead of virtual over real time. A lag is not made up for, since the board would
-    /// run too fast afterwards.
+    /// Returns the lead of virtual over real time. Does not catch up after a lag, since the board
+    /// would then run too fast.
     pub(crate) fn ahead(&mut self, now: Time) -> Duration {
         self.ahead_at(Instant::now(), now)
     }

@@ -121,7 +121,7 @@ impl Arguments {
         self.board.is_some()
     }
 
-    /// Known data of the sensor: of the emulated board, or of the sensor design of a real one.
+    /// Returns sensor design and parameters: of the emulated board, or as named for a real one.
     pub(crate) fn sensor(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
         if self.is_emulated() {
             return self.emulated.stack_and_plant().map(Some);
@@ -282,7 +282,7 @@ pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
     Link::open(path.to_owned(), Box::new(port), None)
 }
 
-/// Returns the port of a name; without a name the only one.
+/// Returns the port with this name; without a name, the only port.
 fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure> {
     if let Some(name) = name {
         let is_meant = |port: &&serial::Port| {
@@ -325,8 +325,8 @@ fn listed(ports: &[serial::Port]) -> String {
 pub(crate) const UDEV_RULE: &str = "SUBSYSTEMS==\"usb\", ATTRS{idVendor}==\"1209\", \
      ATTRS{idProduct}==\"0001\", MODE=\"0660\", TAG+=\"uaccess\"";
 
-/// Cause and remedy for a port that cannot be opened. A listed port exists: Windows does not
-/// distinguish a port in use from a missing one.
+/// Failure for a port that cannot be opened, with cause and remedy. `is_listed` says that the port
+/// exists, since Windows reports a port in use like a missing one.
 fn unopened(path: &str, is_listed: bool, error: &io::Error) -> Failure {
     let (finding, action) = match error.kind() {
         // The library reports a locked port as a missing one.

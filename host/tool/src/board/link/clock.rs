@@ -100,7 +100,7 @@ mod tests {
         let ms = Duration::from_millis;
         let mut clock = DeviceClock::default();
         clock.enter(7, ms(1_000), 500_000, ms(1_001));
-        // Twenty seconds later the clocks may have drifted apart by 2 ms.
+        // In twenty seconds the clocks may drift apart by 2 ms, so the longer exchange counts.
         clock.enter(7, ms(21_000), 20_501_800, ms(21_002));
         assert!((clock.offset_s().unwrap().0 - 0.499_2).abs() < 1e-9);
     }

@@ -39,7 +39,7 @@ use clock::DeviceClock;
 use transport::{PATIENCE, Transport};
 pub(crate) use watched::Watched;
 
-/// While a board starts, its identity is requested again after this time.
+/// Interval at which a starting board is asked for its identity.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Longest time of one receive call.
 const POLL: Duration = Duration::from_millis(10);
@@ -132,14 +132,14 @@ impl Link {
         self.greet_until(&Interrupt::uncaught())
     }
 
-    /// Asks for the identity until the board answers or Ctrl-C.
+    /// Asks for the identity until the board answers, or until Ctrl-C.
     fn greet_until(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         self.sequencer = Sequencer::new(0);
         self.hello = None;
         self.first.clear();
         let asked = self.ask_who_it_is(interrupt);
         if asked.is_err() {
-            // The server's last message may be unread.
+            // Receives a last message, in which a server may say that it is busy.
             let _ = self.listen(POLL);
         }
         if self.hello.is_some() {
@@ -214,7 +214,7 @@ impl Link {
         self.hello.as_ref()
     }
 
-    /// Time of the waits; for the emulated board its own time.
+    /// Time that passes during waits. For the emulated board it is the board's own time.
     pub(crate) fn now(&self) -> Duration {
         self.transport.now()
     }
@@ -235,7 +235,7 @@ impl Link {
         counts.damaged().wrapping_add(counts.not_understood())
     }
 
-    /// Whether this is a recording. It accepts no commands, and at its end it is finally
+    /// Whether this is a recording. It accepts no commands, and its end is reported as
     /// [lost](Failure::Lost).
     pub(crate) fn is_recording(&self) -> bool {
         self.transport.is_recording()
@@ -316,7 +316,7 @@ impl Link {
         })
     }
 
-    /// Describes the refused value in the last answer to such a command, with its limits.
+    /// Describes the refused value, with its limits, in the last answer to such a command.
     fn beyond(&self, command: &Command) -> Option<String> {
         let mut latest = self.received.iter().rev();
         let answer = latest.find_map(|arrival| match &arrival.frame.message {
@@ -360,8 +360,8 @@ impl Link {
                     self.other_version = Some(found);
                     continue;
                 }
-                // A frame of an unknown kind has still arrived. A frame that started before the
-                // connection, or is damaged, is not counted.
+                // A frame of an unknown kind has a header and counts as received. A damaged frame,
+                // or one that started before the connection, does not count.
                 Err(error) => {
                     error.header().map(|header| self.account.take(header));
                     continue;
@@ -379,7 +379,7 @@ impl Link {
 
     /// Prints the received log, if requested.
     fn show_log(&mut self, at: Duration) {
-        // The log is read even if it is not shown, since it would grow otherwise.
+        // Reads the log even if it is not shown, since the unread bytes would accumulate.
         let bytes = self.transport.take_log();
         let Some(log) = &mut self.log else {
             return;
@@ -414,14 +414,14 @@ impl Link {
         ))
     }
 
-    /// Receives for a time, in emulated time for the emulated board. A fault ends it.
+    /// Receives for a time, which is emulated time for the emulated board. Fails if a fault occurs.
     pub(crate) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
         let before = self.received.len();
         self.collect(time_s)?;
         self.no_fault(before)
     }
 
-    /// Receives for a time, despite faults.
+    /// Receives for a time and ignores faults.
     pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
         let end = self.now() + Duration::from_secs_f64(time_s);
         while self.now() < end {
@@ -430,7 +430,7 @@ impl Link {
         Ok(())
     }
 
-    /// Receives for a time while a current is driven, and sends commands often enough.
+    /// Receives for a time while the board drives a current, with a command every [`KEEP_ALIVE_S`].
     pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
         let mut left_s = time_s;
         while left_s > 0.0 {
@@ -456,7 +456,7 @@ impl Link {
         })
     }
 
-    /// Waits until `of` accepts a record; tests records already received too.
+    /// Waits until `of` accepts a record. Also tests the records already received.
     pub(crate) fn wait_for<T>(
         &mut self,
         patience_s: f64,
@@ -478,7 +478,7 @@ impl Link {
         }
     }
 
-    /// Received frames that were not taken.
+    /// Received frames that [`take`](Self::take) has not taken.
     pub(crate) fn received(&self) -> &[Arrival] {
         &self.received
     }
@@ -499,8 +499,8 @@ impl Link {
     /// wait.
     ///
     /// # Errors
-    /// If it does not return in time, does not answer, is not a palpate board, or after an
-    /// interrupt.
+    /// If the board does not return in time, does not answer, or is not a palpate board, or after
+    /// an interrupt.
     pub(crate) fn reconnect(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let end = self.now() + RESTART;
         loop {
@@ -512,7 +512,7 @@ impl Link {
             self.decoder = RecordDecoder::new();
             match opened {
                 Ok(()) => {
-                    // A power cycle resets the clock, even if the boot id happens to repeat.
+                    // The board's clock restarts with the power, even if its boot id repeats.
                     self.clock = DeviceClock::default();
                     return self.greet_until(interrupt);
                 }
@@ -524,8 +524,8 @@ impl Link {
 }
 
 impl Drop for Link {
-    /// Disarms the board so that no current continues; the board itself would stop it after 100 ms.
-    /// A board that another program armed is not changed.
+    /// Disarms the board if this link armed it, so that no current continues. (The board alone
+    /// would stop the current after 100 ms.)
     fn drop(&mut self) {
         if self.has_armed {
             let _ = self.send(&Command::Disarm);

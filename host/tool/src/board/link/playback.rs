@@ -15,8 +15,8 @@ use palpate_wire::{Message, Record, encode};
 use super::transport::Transport;
 use crate::recording::{Entry, Note, Reader, Recorded};
 
-/// Gaps between two records that are longer are skipped, as when the board was unplugged: a
-/// recorded board sends several records a second.
+/// Longest gap between two records that is played. Longer gaps are skipped, as when the board was
+/// unplugged: a recorded board sends several records a second.
 const LONGEST_GAP: Duration = Duration::from_secs(600);
 
 /// A recording during playback.
@@ -73,8 +73,8 @@ impl Playback {
         Ok((playback, hello))
     }
 
-    /// Time of the next record. Skips a long gap: a time stamp may be damaged, or the clock may
-    /// have been set.
+    /// Time of the next record. Skips a gap above [`LONGEST_GAP`]: a time stamp may be damaged, or
+    /// the clock may have been set.
     fn next_at(&mut self) -> Option<Duration> {
         let next_ns = i128::from(self.frames.peek()?.host_ns);
         let now_ns = self.zero_ns + self.now.as_nanos() as i128;

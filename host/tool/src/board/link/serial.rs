@@ -11,7 +11,7 @@ use super::transport::{Clock, Transport};
 /// The board's USB identifiers: the test pair of pid.codes (docs/protocol.md).
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
-/// USB product name of the board, which distinguishes it from others with the same identifiers.
+/// USB product name of the board, which distinguishes it from devices with the same identifiers.
 const NAME: &str = "palpate";
 /// A USB serial port ignores the baud rate, but the library needs one.
 const BAUD: u32 = 115_200;

@@ -95,8 +95,8 @@ impl Transport for MadeBoard {
     fn reopen(&mut self) -> io::Result<()> {
         self.now += Duration::from_millis(100);
         self.powered_at = self.now;
-        // The connection is slower than before, so the answer alone would not replace the clock's
-        // offset.
+        // This answer is slower than the one before, so it would not replace the clock's offset if
+        // the offset had been kept.
         self.delay = Duration::from_millis(10);
         self.interrupt.ask();
         match self.found {

@@ -10,7 +10,7 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(5);
 /// An open connection to a board. [`reopen`](Self::reopen) opens it again after a failed read or
 /// write.
 pub(crate) trait Transport {
-    /// Time of the waits, from an arbitrary zero; for the emulated board its own time.
+    /// Time that passes during waits, from an arbitrary zero; for the emulated board its own time.
     fn now(&self) -> Duration;
 
     /// Sends all bytes.
@@ -31,8 +31,8 @@ pub(crate) trait Transport {
         Vec::new()
     }
 
-    /// Longest time from the first question to the board's identity. After a reset a board first
-    /// enumerates on USB and tests its coil.
+    /// Longest time from the first question to the board's identity. After a reset a board
+    /// enumerates on USB and tests its coil before it answers.
     fn patience(&self) -> Duration {
         PATIENCE
     }

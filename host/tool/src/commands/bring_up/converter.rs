@@ -32,7 +32,7 @@ pub(super) const REPORTS: u16 = 0xF801;
 pub(super) const MUX: u16 = 0x020D;
 /// MUX_CONFIG: channels 0 and 1 alternately.
 pub(super) const SCAN: u16 = 1 << 15;
-/// STATUS: a result is ready, and one of channel 0 is unread.
+/// STATUS: a result is ready (READY), and a result of channel 0 is unread (UNREAD).
 pub(super) const READY: u16 = 1 << 6;
 pub(super) const UNREAD: u16 = 1 << 3;
 /// Longest wait for an edge, ms.
@@ -41,7 +41,7 @@ const EDGE_MS: u8 = 100;
 /// The clock that the image divides for CLKIN, Hz.
 const CORE_HZ: f64 = 200e6;
 
-/// Segments of a transaction that reads STATUS and DATA; after both, INTB is released in any chip.
+/// Segments of a transaction that reads STATUS, then DATA: both release INTB in any chip.
 const FRAME: [u8; 9] = [
     1,
     register::STATUS,
@@ -60,7 +60,7 @@ pub(super) struct Edges {
     /// Time from the first to the last edge, s.
     pub(super) length_s: f64,
     pub(super) count: u32,
-    /// DATA at the last edge, including flags.
+    /// DATA at the last edge, with its flags.
     pub(super) word: u32,
 }
 
@@ -294,7 +294,7 @@ impl Converter {
         })
     }
 
-    /// Reads `count` words of consecutive conversions.
+    /// Reads the words of `count` consecutive conversions.
     pub(super) fn words(&mut self, count: usize) -> Result<Vec<u32>, Failure> {
         (0..count).map(|_| Ok(self.edges(1)?.word)).collect()
     }

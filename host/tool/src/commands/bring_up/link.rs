@@ -41,7 +41,7 @@ impl RequestOutcome {
 
 /// A board that runs the image.
 pub(super) enum Link {
-    /// A board behind a debug probe whose server offers the channel at a port.
+    /// A board behind a debug probe; the probe's server offers the channel at a port.
     Probe(TcpStream),
     /// The emulated board.
     Emulated(Box<EmulatedBoard<Still>>),
@@ -62,7 +62,7 @@ impl Link {
         Ok(Self::Probe(stream))
     }
 
-    /// Interrupts the converter's supply; on a real board the user does it and confirms.
+    /// Interrupts the converter's supply. On a real board it asks the user to do so and to confirm.
     pub(super) fn dip(&mut self) -> Result<(), Failure> {
         match self {
             Self::Probe(_) => {
@@ -79,7 +79,7 @@ impl Link {
         Ok(())
     }
 
-    /// Whether the board interrupts its supply without the user.
+    /// Whether the supply is interrupted without the user, as on the emulated board.
     pub(super) const fn dips_itself(&self) -> bool {
         matches!(self, Self::Emulated(_))
     }

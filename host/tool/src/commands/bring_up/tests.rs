@@ -21,7 +21,7 @@ pub(super) struct TestFinding {
 
 type Result<T> = std::result::Result<T, Failure>;
 
-/// A conversion of 4.3 ms: longer than all accesses to the converter that a test makes during one.
+/// Conversions of 4.3 ms: longer than all accesses that a test makes during one conversion.
 const SLOW: Setup = Setup {
     rcount: 8_000,
     ..QUICK
@@ -45,7 +45,7 @@ const AMPLITUDE: u16 = 1 << 12;
 /// State of the tests.
 pub(super) struct Tests {
     converter: Converter,
-    /// The switches settled so far; the others as in the simulation.
+    /// Switches found so far. The others have the defaults of the simulation.
     pub(super) switches: Switches,
     pub(super) findings: Vec<TestFinding>,
     /// DRIVE_CURRENT0 that the converter found for the sensor.
@@ -164,8 +164,8 @@ impl Tests {
         Ok((counts, relative_deviation(&words)))
     }
 
-    /// 2: tests words as ratios of counts, and derives the counting method from their scatter, over
-    /// several clocks, since the scatter at one clock depends on the phase.
+    /// 2: tests words as ratios of counts. Derives the counting method from their scatter over
+    /// several clocks, since the scatter at a single clock depends on the phase.
     fn words(&mut self) -> Result<()> {
         let mut squares = 0.0;
         let mut all = PlausibilityCount::default();
@@ -183,7 +183,7 @@ impl Tests {
         });
         let (by_two, _) = self.counts(divided, WORDS / 2)?;
         let k = (squares / DIVISORS.len() as f64).sqrt();
-        // Lies between 0.018 for two gates and 0.0128 for half periods; the sensor is at rest.
+        // The limit is between 0.018 (two gates) and 0.0128 (half periods), for a sensor at rest.
         self.switches.counter = if k > 0.0152 {
             Counter::TwoGates
         } else {
@@ -213,7 +213,7 @@ impl Tests {
         Ok(self.converter.edges(200)?.period_s())
     }
 
-    /// 3: measures the excess of an interval over 16 RCOUNT clocks, at two clocks.
+    /// 3: measures the excess of an interval over 16 RCOUNT clocks, with two reference clocks.
     fn intervals(&mut self) -> Result<()> {
         let mut texts = Vec::new();
         let mut measured = Vec::new();
@@ -311,8 +311,8 @@ impl Tests {
         Ok(())
     }
 
-    /// Tests whether reading DATA clears its flags, with the weakest drive, whose amplitude is too
-    /// low.
+    /// Tests whether reading DATA clears its flags. The weakest drive gives the flag of a low
+    /// amplitude.
     fn flags(&mut self) -> Result<()> {
         let weak = Setup { drive: 0, ..SLOW };
         self.converter.start(&weak)?;
@@ -401,8 +401,8 @@ impl Tests {
         self.converter.words(2)?;
         let (mut early, mut scans) = (0, 0);
         for _ in 0..8 {
-            // A conversion takes 4.3 ms: 6 ms after INTB that of channel 0 has ended, and that of
-            // channel 1 has not.
+            // A conversion takes 4.3 ms: 6 ms after INTB the conversion of channel 0 has ended, and
+            // the conversion of channel 1 has not.
             let [_, _, _, high, low, later_high, later_low, level] = self.converter.at_once(&[
                 Op::Read(STATUS),
                 Op::Read(DATA_MSB),
@@ -450,7 +450,7 @@ impl Tests {
                 Op::Read(DATA_MSB),
                 Op::Write(register::SETTLECOUNT, value),
                 Op::Read(register::SETTLECOUNT),
-                // End of the conversion during the write.
+                // Waits for the end of the conversion in which the register was written.
                 Op::Interrupt,
                 Op::Read(STATUS),
                 Op::Read(DATA_MSB),
@@ -573,7 +573,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 8: measures the scatter over RCOUNT.
+    /// 8: measures the scatter of the words for several RCOUNT.
     fn noise(&mut self) -> Result<()> {
         let mut points = Vec::new();
         for rcount in [300, 1_200, 4_800] {
@@ -593,7 +593,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 9: tests a truncated transfer, and a write that ends half-way.
+    /// 9: tests a truncated transfer, and a write that ends after half of the register.
     fn broken_off(&mut self) -> Result<()> {
         let setup = self.setup(QUICK);
         self.converter.prepare(&setup)?;
@@ -626,7 +626,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 10: measures the scatter over the clocks; a sensor that locks to the clock does not scatter.
+    /// 10: measures the scatter for several clocks. A sensor locked to the clock does not scatter.
     fn locking(&mut self) -> Result<()> {
         let mut texts = Vec::new();
         for divider in DIVISORS {
@@ -667,8 +667,8 @@ fn relative_deviation(words: &[u32]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().saturating_sub(1).max(1) as f64).sqrt()
 }
 
-/// Whether words have the same frequency within a thousandth: quantisation is far less, and the
-/// error of a corrupted conversion is more.
+/// Whether words have the same frequency within a thousandth: quantisation is far smaller, and the
+/// error of a corrupted conversion is larger.
 fn are_alike(words: &[u32], others: &[u32]) -> bool {
     let (mean, other) = (mean(words), mean(others));
     mean > 0.0 && (other / mean - 1.0).abs() < 1e-3

@@ -57,7 +57,7 @@ pub(super) fn page(
     ))
 }
 
-/// Force against change of inductance.
+/// Chart of the force against the change of inductance.
 fn force(basis: &Basis) -> Chart {
     let curve = basis.curve.iter();
     let curve = curve.map(|(change, n)| (1e2 * change, *n));
@@ -69,7 +69,7 @@ fn force(basis: &Basis) -> Chart {
     }
 }
 
-/// Deviation of the load cell from that curve.
+/// Chart of the load cell's deviation from the curve of `force`.
 fn beside(basis: &Basis) -> Chart {
     let points = basis.presses.iter();
     let points = points.map(|(change, n)| (1e2 * change, 1e3 * n));
@@ -85,7 +85,7 @@ fn beside(basis: &Basis) -> Chart {
     }
 }
 
-/// Rise of the actuated layer's stiffness over the current.
+/// Chart of the rise of the actuated layer's stiffness over the current.
 fn stiffening(calibration: &Calibration, peak_a: f64) -> Chart {
     let currents = (0..=60).map(|step| peak_a * f64::from(step) / 60.0);
     let rise = currents.map(|current_a| (current_a, 1e2 * calibration.actuated.rise(current_a)));
@@ -97,7 +97,7 @@ fn stiffening(calibration: &Calibration, peak_a: f64) -> Chart {
     }
 }
 
-/// Deviation of each train's own line from its load.
+/// Chart of the deviation of each train's own line from its load.
 fn trains(basis: &Basis) -> Chart {
     // A rigid block has no position on the logarithmic axis.
     let pressed = basis.trains.iter().filter(|(kappa, _)| *kappa > 0.0);
@@ -116,7 +116,7 @@ fn trains(basis: &Basis) -> Chart {
     }
 }
 
-/// Springs by the gauges against their nominal stiffness.
+/// Chart of the springs' stiffness by the gauges against their nominal stiffness.
 fn springs(basis: &Basis) -> Chart {
     let per_mm = |(written, found): &(f64, f64)| (written * 1e-3, found * 1e-3);
     let equal = |(written, _): &(f64, f64)| (written * 1e-3, written * 1e-3);

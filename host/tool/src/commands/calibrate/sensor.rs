@@ -110,8 +110,8 @@ impl Arguments {
         self.link.is_emulated()
     }
 
-    /// The sensor design and its data, which determine the depth of the presses and the heating of
-    /// the coil.
+    /// Returns the sensor design and its data. They determine the depth of the presses and the
+    /// heating of the coil.
     fn known(&self) -> Result<(Stack, Parameters), Failure> {
         self.link.sensor()?.ok_or_else(|| {
             Failure::Argument(
@@ -239,7 +239,7 @@ fn calibrated(
     let held = session(link, arguments, &task, interrupt)?;
     let by_itself = evaluate(&held, &task.known);
     if let Some(file) = &files.session {
-        // Written even if the session gives no calibration, since it shows why.
+        // Written even if the session gives no calibration, since the file shows the cause.
         let commands = by_itself.as_ref().ok().map(|of| of.commands.as_slice());
         written::write(&held, commands, file)?;
     }
@@ -272,7 +272,7 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     let mut task = if arguments.is_simulated_bench() {
         BenchTask::of(&plant, &stack, Switches::all(), &default_settings())
     } else {
-        // The status arrives with the identity.
+        // The board sends its status together with its identity.
         link.greet()?;
         let status = link.wait_for(STATUS_S, "status", |record| match record {
             Record::Status(status) => Some(status.clone()),
@@ -344,7 +344,7 @@ const STATUS_S: f64 = 5.0;
 /// not correct for the temperature either.
 const ROOM_C: f64 = 25.0;
 
-/// Describes the specimen and depth of a run.
+/// Describes specimen and depth of a run in words.
 pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
     let depth = format!("{:.2} mm deep", 1e3 * depth_m);
     match pressed {
@@ -368,9 +368,9 @@ pub(crate) fn identity(id: Option<u32>, temperature_c: f64) -> CalibrationIdenti
     }
 }
 
-/// Puts a calibration in force; it is lost at power-off unless stored. No part of the previous
-/// calibration has an effect any more, but the board's own parts stay: the correction of its
-/// current, and other channels.
+/// Puts a calibration in force; it is lost at power-off unless stored. It replaces every part of
+/// the previous calibration. The board's own parts stay: the correction of its current, and other
+/// channels.
 ///
 /// # Errors
 /// If the board is gone, or refuses a part.
@@ -389,7 +389,7 @@ pub(crate) fn put_in_force(
         commands.any(|command| matches!(command, Command::SetTemperatureCoefficients(_)))
     };
     if has_coefficients(&before) && !has_coefficients(commands) {
-        // A part cannot be removed.
+        // A part cannot be removed, so coefficients of zero replace it.
         link.must(&Command::SetTemperatureCoefficients(
             TemperatureCoefficients {
                 springs_per_k: 0.0,

@@ -55,9 +55,9 @@ pub(crate) struct Arguments {
 /// Number of currents on either side of zero, and of checks between them.
 const STEPS: i32 = 12;
 const CHECKS: i32 = 6;
-/// Amplitude of the sweep about a current, A: so wide that a wide code of the converter (eight
-/// codes, 52 mA) has no more effect than in use. A meter that averages over a tenth of a second,
-/// not over whole sweeps, is then off by 6 mA at most.
+/// Amplitude of the sweep about a current, A. It makes the effect of a wide code of the converter
+/// (eight codes, 52 mA) as small as in use. A meter that averages over a tenth of a second, not
+/// over whole sweeps, is then off by 6 mA at most.
 const ABOUT_A: f64 = 0.06;
 /// Duration of the sweep in one direction, and time before it in which the current settles, s.
 const SWEEP_S: f64 = link::KEEP_ALIVE_S;
@@ -99,7 +99,7 @@ struct CurrentCalibration<'f> {
     correction: &'f CurrentCorrection,
 }
 
-/// Source of the true current.
+/// Sources of the true current.
 enum Reference<'r> {
     Program(&'r Path),
     /// The emulated circuit.
@@ -263,7 +263,7 @@ impl CurrentBench<'_> {
         Ok(pairs)
     }
 
-    /// Drives, measures and reads one current, then lets the coil cool for that energy.
+    /// Drives one current, reads it from board and reference, then lets the coil lose that heat.
     fn pair(&mut self, wanted_a: f64) -> Result<Pair, Failure> {
         let power_w = self.ohm * (wanted_a.abs() + ABOUT_A).powi(2);
         let patience_s = PATIENCE_S.min(MOST_J / power_w.max(1e-3));

@@ -188,7 +188,7 @@ fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Resu
     }))
 }
 
-/// Current that wakes the bridge before a step, A, and time within which the bridge wakes, s, which
+/// Current that wakes the bridge before a step, A, and time in which the bridge wakes, s. The time
 /// is the length of a step's record. The current is within the noise of a reading at zero current.
 const WAKING_A: f64 = 0.05;
 const WAKING_S: f64 = 0.005;

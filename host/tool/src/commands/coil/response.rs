@@ -263,7 +263,7 @@ mod tests {
         let step =
             StepResponse::of(&traced(16e-6, |at_s| rising(at_s, 8.0)), 8.0, &test()).unwrap();
         assert!(step.is_as_it_should_be(), "{step:?}");
-        // 0.9 * 8 of 23.52 A: 80 us times ln(23.52/16.32).
+        // The rise to 0.9 * 8 A towards 23.52 A takes 80 us times ln(23.52/16.32).
         assert!((step.shortest_rise_s - 29.2e-6).abs() < 0.2e-6, "{step:?}");
         assert!(
             (step.rise_s - step.shortest_rise_s).abs() < 16e-6,

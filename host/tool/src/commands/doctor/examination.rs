@@ -9,8 +9,8 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// Time for which the board is listened to, s: long enough for the sensor's self-test to end and a
-/// cleared fault to come again. Every automatic check of the firmware takes place within a second
+/// Time for which the tool receives from the board, s: the sensor's self-test ends within it, and a
+/// cleared fault comes again. Every automatic check of the firmware takes place within a second
 /// (docs/faults.md).
 pub(super) const LISTEN_S: f64 = 2.0;
 /// Longest delay of records after the answer to their command, s.
@@ -35,11 +35,11 @@ pub(super) struct Examination {
     pub(super) storage: Option<Storage>,
     /// Crash that ended the last run, if reported.
     pub(super) crash: Option<Crash>,
-    /// Faults that have begun and not ended.
+    /// Faults that began and have not ended while the tool received.
     pub(super) faults: Vec<Fault>,
-    /// Faults that have begun, with their counts.
+    /// Faults that began while the tool received, with their counts.
     pub(super) begun: Vec<(Fault, u32)>,
-    /// Whether any fault is active, including earlier ones.
+    /// Whether any fault is active, also one that began before the connection.
     pub(super) stands: bool,
     /// Needed parts of the calibration that are not set.
     pub(super) missing: Vec<Part>,
@@ -135,8 +135,8 @@ fn is_same(one: &Fault, other: &Fault) -> bool {
     (one.code, one.location) == (other.code, other.location)
 }
 
-/// Whether a fault is active. No command reports this; a command that needs the coil is refused
-/// because of a fault, or else because the board is disarmed, and does nothing in either case.
+/// Whether a fault is active. No command reports this, so a command that needs the coil is sent: it
+/// is refused because of a fault, or else because the board is disarmed, and does nothing.
 fn does_a_fault_stand(link: &mut Link) -> Result<bool, Failure> {
     // Disarms immediately before, since a program on another link may arm the board.
     link.must(&Command::Disarm)?;

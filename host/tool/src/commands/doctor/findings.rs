@@ -93,7 +93,7 @@ fn of_converters(hello: &Hello) -> Vec<Finding> {
     findings.collect()
 }
 
-/// A second converter is optional.
+/// Finding for one of the converters. The second converter may be absent.
 fn of_converter(which: &str, chip: Chip) -> Option<Finding> {
     match chip {
         Chip::Ldc161x => None,
@@ -236,8 +236,8 @@ fn of_calibration(found: &Examination) -> Option<Finding> {
     ))
 }
 
-/// The baseline takes half a second: a sensor whose contact is still settling after two seconds
-/// reads below the rest of its calibration.
+/// Finding for a contact. The baseline takes half a second, so a contact that still settles after
+/// two seconds means a sensor that reads below the rest of its calibration.
 fn of_contact(sample: &Sample) -> Option<Finding> {
     let channel = sample.channels.first()?;
     let deformation_m = channel.deformation_m?;

@@ -6,16 +6,16 @@ use palpate_wire::schema::{Field, Type};
 use palpate_wire::{Message, Record};
 use serde_json::Value;
 
-/// Field that, if present, gives the number of an item in a list: the conversions of a sample may
-/// be those of channels 0 and 2, not of the first two.
+/// Field that gives the number of an item in a list, where present: the conversions of a sample may
+/// belong to channels 0 and 2, not to the first two.
 const CHANNEL: &str = "channel";
 
-/// Items of each list that occur.
+/// Numbers of the items that occur in each list.
 #[derive(Debug, Default)]
 pub(super) struct Used(BTreeMap<String, BTreeSet<u64>>);
 
 impl Used {
-    /// Adds the items of a record.
+    /// Adds the items in the lists of a record.
     pub(super) fn enter(&mut self, payload: &Value) {
         for (field, value) in payload.as_object().into_iter().flatten() {
             if let Value::Array(items) = value {
@@ -119,7 +119,7 @@ fn add_value(column: &Column, of: &Type, used: &Used, columns: &mut Vec<Column>)
     };
     match of.structure() {
         Some(structure) => {
-            // The number in the name is already the channel.
+            // The number in the column's name is already the channel.
             let fields = structure.fields.iter();
             let is_item = matches!(column.path.last(), Some(Step::Item(_)));
             for field in fields.filter(|field| !is_item || field.name != CHANNEL) {

@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     outputs.into_iter().try_for_each(Tables::finish)
 }
 
-/// Items of lists that occur, by kind of record.
+/// Numbers of the list items that occur, by kind of record.
 fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
     let mut reader = Reader::open(file)?;
     let mut used: BTreeMap<&'static str, Used> = BTreeMap::new();
@@ -120,7 +120,7 @@ fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
     Ok(used)
 }
 
-/// Fields of a record with the digits of the text form: an f32 has fewer than the nearest f64.
+/// Fields of a record as in its text form, where an f32 has fewer digits than the nearest f64.
 fn payload(recorded: &Recorded) -> Result<Value, Failure> {
     let message = &recorded.frame.message;
     let text = serde_json::to_string(message)?;
@@ -153,7 +153,7 @@ impl Tables {
             folder: folder.to_path_buf(),
             tables: BTreeMap::new(),
         };
-        // All outputs are checked before the first is created, since that empties an older file.
+        // Checks all outputs before it creates the first, since that empties an older file.
         for kind in used.keys() {
             let file = tables.file(kind);
             OutputFile::new(tables.format.argument, &file)?.apart_from(recording)?;

@@ -1,4 +1,4 @@
-//! A table, whatever its file format.
+//! A table in any file format.
 
 use serde_json::Value;
 

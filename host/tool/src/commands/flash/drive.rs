@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// File that identifies the drive (2.8.4.3), and its contents.
 const INFO: &str = "INFO_UF2.TXT";
 const BOARD: &str = "Board-ID: RPI-RP2";
-/// An arbitrary name: the boot ROM uses only the contents.
+/// File name on the drive. It is arbitrary: the boot ROM uses only the contents.
 const NAME: &str = "palpate.uf2";
 
 /// Whether a folder is the drive of an RP2040.
@@ -97,7 +97,7 @@ mod tests {
         assert!(is_drive(drive));
         write(drive, b"firmware").unwrap();
         assert_eq!(fs::read(drive.join("palpate.uf2")).unwrap(), b"firmware");
-        // The drive of a Pico 2 is not one of an RP2040.
+        // The drive of a Pico 2 (RP2350) is refused.
         fs::write(
             drive.join("INFO_UF2.TXT"),
             info.replace("RPI-RP2", "RP2350"),

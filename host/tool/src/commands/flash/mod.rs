@@ -82,7 +82,7 @@ struct Report {
 /// Flashes a board.
 ///
 /// # Errors
-/// If the file is not suitable for the board, no board is found, or it does not return.
+/// If the file is not suitable for the board, no board is found, or the board does not return.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = load(&arguments.file)?;
     let hello = if arguments.link.is_emulated() {

@@ -1,4 +1,4 @@
-//! UF2 files for the tests, written from the specification; shares nothing with the reader.
+//! UF2 files for the tests, written from the specification; they share no code with the reader.
 
 /// The boot ROM's checksum of the first 252 bytes below, as the SDK computes it (pico-sdk,
 /// `pad_checksum`): reverse the bits of each byte, take Python's `zlib.crc32`, invert it, and

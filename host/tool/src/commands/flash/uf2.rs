@@ -13,7 +13,7 @@ const LAST_MAGIC: u32 = 0x0AB1_6F30;
 /// Offsets of a block's last word and of its data.
 const LAST_WORD: usize = 508;
 const DATA: usize = 32;
-/// The only flag of every block: it names a family.
+/// The only allowed flag, which every block must have: the block names a family.
 const HAS_FAMILY: u32 = 0x2000;
 const RP2040: u32 = 0xE48B_FF56;
 /// Families of boards that are mistaken for a Pico (the UF2 specification's list, `uf2families.json`).

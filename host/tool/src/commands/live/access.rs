@@ -16,8 +16,8 @@ use palpate_cli::failure::Failure;
 
 use crate::board::emulated::state_folder;
 
-/// Number of random bytes of a token, too many to guess (OWASP asks for 128 bits where the number
-/// alone protects).
+/// Number of random bytes of a token, too many to guess (OWASP asks for 128 bits where only the
+/// token protects).
 const BYTES: usize = 16;
 /// File of the token in the user's folder: an open page stays valid when the tool is restarted.
 const FILE: &str = "live-token";
@@ -140,7 +140,7 @@ fn check_private(file: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// On this system the user's folder is closed to other users.
+/// Accepts the token, since on this system other users cannot read the user's folder.
 #[cfg(not(unix))]
 #[expect(clippy::unnecessary_wraps, reason = "elsewhere it may fail")]
 fn check_private(_: &Path) -> Result<(), Failure> {

@@ -51,7 +51,7 @@ fn task(arguments: &Arguments) -> Result<BenchTask, Failure> {
     Ok(BenchTask::of(&plant, &stack, Switches::all(), &settings))
 }
 
-/// Returns whether there is a bench, and the number of runs.
+/// Returns the state before a calibration: the number of runs, or why there is no bench.
 pub(super) fn ready(arguments: &Arguments) -> Progress {
     if !arguments.watched.link.is_emulated() {
         return Progress::Unavailable {

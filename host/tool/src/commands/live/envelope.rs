@@ -1,7 +1,7 @@
-//! Samples for a plot: minimum and maximum of every time slot, in their order.
+//! Samples for a plot: minimum and maximum of every time slot, in order of time.
 //!
-//! A page that draws both shows the same picture as with all samples, as long as a slot is narrower
-//! than a pixel.
+//! A page that draws both values shows the same picture as with all samples, as long as a slot is
+//! narrower than a pixel.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -11,8 +11,8 @@ use serde::Serialize;
 
 /// Duration of a slot, s. A page 1600 pixels wide shows 20 s on 700 pixels, so a pixel is 29 ms.
 const PIECE_S: f64 = 0.01;
-/// Maximum number of slots that wait for the next batch. At 30 batches a second 4 slots wait; when
-/// the stream catches up after a pause more wait, and the oldest beyond this number are lost.
+/// Maximum number of slots that wait for the next batch. At 30 batches a second 4 slots wait. More
+/// wait when the stream catches up after a pause; the oldest beyond this number are lost.
 const PIECES: usize = 512;
 
 /// Plotted quantity.

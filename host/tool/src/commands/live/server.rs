@@ -47,8 +47,8 @@ const LONGEST: usize = 1024;
 /// the list of measurements.
 const WAITING: usize = 1024 * 1024;
 
-/// Restrictions for the browser: nothing leaves this computer, and no other page embeds this one.
-/// The address contains the token, so it is not passed on.
+/// Restrictions for the browser: the page sends data only to this computer, no other page embeds
+/// it, and its address, which contains the token, is not passed on.
 const HEADERS: [(HeaderName, &str); 4] = [
     (
         CONTENT_SECURITY_POLICY,
@@ -102,7 +102,7 @@ fn serve(runtime: Runtime, listener: tokio::net::TcpListener, router: Router) {
     runtime.block_on(accept(listener, router));
 }
 
-/// Answers one request on each connection. Without kept connections, one time limit covers
+/// Answers one request on each connection. Since connections are not kept, one time limit covers
 /// everything that a program without the token can do.
 async fn accept(mut listener: tokio::net::TcpListener, router: Router) {
     let requests = Arc::new(Semaphore::new(REQUESTS));
@@ -212,7 +212,7 @@ async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphore
             },
             else => return,
         };
-        // Empty before the first state, line or measurement.
+        // A message is empty before the first state, line or measurement.
         if message.is_empty() {
             continue;
         }

@@ -66,7 +66,7 @@ impl<'a> LiveSession<'a> {
                     self.is_gone = true;
                     self.view.lost(&reason)?;
                 }
-                // A device that answers but is not a palpate board may be exchanged too.
+                // A device that is not a palpate board may be exchanged for one.
                 Err(Failure::Unconnected(finding)) => {
                     self.is_gone = true;
                     self.view.lost(&finding.to_string())?;
@@ -140,7 +140,7 @@ impl<'a> LiveSession<'a> {
         Ok(())
     }
 
-    /// Requests the calibration for the line of a train; the records are processed with the next
+    /// Requests the calibration for the line of a train. Its records are processed with the next
     /// frames.
     fn ask_for_calibration(&mut self) -> Result<(), Failure> {
         self.link.must(&Command::GetSettings)?;
@@ -205,8 +205,8 @@ impl<'a> LiveSession<'a> {
         self.view.show()
     }
 
-    /// Calibrates on the bench. The configuration in force does not change: the calibration is not
-    /// set yet, and the board is powered on again.
+    /// Calibrates on the bench. The configuration in force does not change, since the result is not
+    /// set yet and the board is powered on again.
     fn calibrate(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let done = calibration::hold(&mut self.link, &mut self.view, self.arguments, interrupt);
         self.leave_bench()?;

@@ -174,7 +174,7 @@ mod tests {
         let mut timeline = Timeline::default();
         assert_eq!(timeline.at(5.0, 1, 100.0), (5.0, true));
         assert_eq!(timeline.at(6.1, 1, 101.0), (6.0, false));
-        // A record of an earlier time does not move the axis back.
+        // A record of an earlier time leaves the axis where it is.
         assert_eq!(timeline.at(6.1, 1, 100.5), (6.0, false));
         assert_eq!(timeline.at(9.0, 2, 0.5), (9.0, true));
         assert_eq!(timeline.at(9.6, 2, 1.0), (9.5, false));

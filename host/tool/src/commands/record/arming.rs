@@ -10,8 +10,8 @@ const RECORD_S: f64 = 5.0;
 
 /// Restarts the board's baseline and arms it.
 ///
-/// Setting the settings restarts the baseline; here they are those already in force. All later
-/// results follow from recorded data, so a replay can start there.
+/// The baseline restarts when the settings are set; here they keep their values. All later results
+/// follow from recorded data, so a replay can start there.
 pub(super) fn arm(link: &mut Link) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
     link.must(&Command::GetSettings)?;

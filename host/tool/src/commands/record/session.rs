@@ -83,7 +83,7 @@ impl RecordingSession {
         Ok(())
     }
 
-    /// Returns whether the board is still there after a failure.
+    /// Returns whether the board is still connected after a failure.
     fn survives(&mut self, failure: &Failure, is_there: bool) -> Result<bool, Failure> {
         let is_lost = matches!(failure, Failure::Lost(_));
         if is_lost && self.link.emulated().is_some() {
@@ -95,7 +95,7 @@ impl RecordingSession {
         Ok(is_there && !is_lost)
     }
 
-    /// Processes the received frames. Returns `false` if the file can no longer be written.
+    /// Processes the received frames. Returns `false` once the file can no longer be written.
     fn turn(&mut self) -> Result<bool, Failure> {
         let listened = self.link.listen(POLL);
         let boot_id = self.link.account().current().map(Tally::boot_id);

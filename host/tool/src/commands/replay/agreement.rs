@@ -19,7 +19,7 @@ const KINDS: [(&str, &str); 5] = [
 /// Counts of one kind of record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(super) struct Count {
-    /// Number of records that the replay recomputed.
+    /// Number of recomputed records.
     pub(super) replayed: u64,
     /// Number of recomputed records whose bytes equal those of the recording.
     pub(super) identical: u64,
@@ -34,7 +34,7 @@ pub(super) struct Difference {
     pub(super) sequence: u32,
     pub(super) time_s: f64,
     pub(super) kind: &'static str,
-    /// First field that differs, with both values; the whole record if it was not recomputed.
+    /// Path of the first field that differs; the whole record if it was not recomputed.
     pub(super) field: String,
     pub(super) recorded: Value,
     pub(super) replayed: Value,
@@ -129,9 +129,9 @@ fn difference(pair: &Compared) -> Difference {
     }
 }
 
-/// Fields of a record with all their digits.
+/// Fields of a record in its text form.
 fn payload(record: &Record) -> Value {
-    // The text form has the shortest digits of each f32, a direct conversion those of an f64.
+    // The text form has the shortest digits of each f32; a direct conversion gives those of an f64.
     let text = serde_json::to_string(record).unwrap_or_default();
     let value: Value = serde_json::from_str(&text).unwrap_or_default();
     value.get(record.name()).cloned().unwrap_or_default()

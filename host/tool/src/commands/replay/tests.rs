@@ -109,7 +109,7 @@ fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
     let field = &agreement.first_difference().unwrap().field;
     assert!(field.starts_with("force"), "{field}");
 
-    // Without one sample the replay waits for the next possible start, and reports no difference.
+    // Without one sample the replay waits for the next possible start and reports no difference.
     let mut fewer = frames.clone();
     fewer.remove(end - 300);
     let agreement = compared(&fewer, &in_force);

@@ -53,12 +53,12 @@ impl Port {
 
     /// Accepts a program, or rejects it. Returns whether a program is connected.
     pub(super) fn accept(&mut self) -> bool {
-        // The next call accepts the next program, so that the board sees its port closed between.
+        // Returns here, so that the board sees its port closed before the next program opens it.
         if self.program.as_ref().is_some_and(is_gone) {
             self.program = None;
             return false;
         }
-        // One program at a time: it may leave while another is rejected.
+        // Only one program at a time; the present one may leave while this rejects another.
         if let Ok((mut stream, _)) = self.listener.accept() {
             if self
                 .program

@@ -54,7 +54,7 @@ struct GaugeClient {
     kind: Option<Kind>,
     received: Vec<u8>,
     waiting: Vec<u8>,
-    /// Whether the program is not a gauge's: its first line names no gauge, or a line has no end.
+    /// Whether the program is not a gauge's: its first line names no gauge, or a line is too long.
     is_stranger: bool,
 }
 
@@ -210,8 +210,8 @@ fn within(text: &str, range: RangeInclusive<f64>) -> Option<f64> {
     range.contains(&number).then_some(number)
 }
 
-/// Parses the argument of `mount`: `Some` for a specimen above the sensor, an inner `None` for
-/// block on block. Without a specimen a block stays above.
+/// Parses the argument of `mount`: `Some(Some(_))` is a specimen above the sensor, `Some(None)`
+/// block on block. For `nothing` a block stays above the sensor.
 fn specimen(words: &[&str]) -> Option<Option<Specimen>> {
     match words {
         ["nothing" | "block"] => Some(Some(Specimen::Block)),

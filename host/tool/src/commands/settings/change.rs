@@ -76,8 +76,8 @@ fn parse(field: &'static Field, text: &str) -> Result<Value, String> {
 
 fn is_within(field: &'static Field, value: f64) -> Result<(), String> {
     let (low, high) = (field.range.low, field.range.high);
-    // Compared as `f32`, as in the board: a limit that is no short decimal matches its rounded
-    // value.
+    // Compares as `f32`, as the board does. A limit like 1e-10 is no exact `f32`, yet its text is
+    // allowed.
     let value = value as f32;
     let problem = if !value.is_finite() {
         Problem::NotFinite

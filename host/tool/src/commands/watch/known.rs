@@ -17,7 +17,7 @@ pub(crate) struct Known {
     pub(crate) board: String,
     /// Identity of the board; absent before it has arrived.
     pub(crate) hello: Option<Hello>,
-    /// Boot of this state.
+    /// Boot to which this state belongs.
     #[serde(skip)]
     pub(crate) boot_id: Option<u32>,
     /// Board time, s.

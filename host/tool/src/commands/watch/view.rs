@@ -31,7 +31,7 @@ impl View {
         }
     }
 
-    /// Returns one line less than the rows, since the cursor needs the last one.
+    /// Returns one line less than the terminal has, since the cursor needs the last one.
     pub(super) fn lines(&self, known: &Known) -> Vec<String> {
         let mut lines = vec![self.title(known), String::new()];
         lines.extend(self.state(known));

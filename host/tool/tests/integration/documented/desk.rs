@@ -56,7 +56,7 @@ impl Start {
     /// Creates the files of a checkout and a release, a sensor design, and files for `palpate
     /// decode` and `palpate encode`.
     pub(super) fn without_board() -> Self {
-        // In the checkout, where the tool finds the firmware's image.
+        // The folder lies in the checkout, where the tool finds the firmware's image.
         let root = root();
         let target = root.join("target");
         fs::create_dir_all(&target).unwrap();
@@ -160,7 +160,7 @@ pub(super) struct Desk<'s> {
     start: &'s Start,
     _ports: Option<MutexGuard<'s, ()>>,
     folder: TempDir,
-    /// Process groups of background commands.
+    /// Process groups of the commands that run in the background.
     servers: Vec<u32>,
 }
 

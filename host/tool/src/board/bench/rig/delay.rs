@@ -12,7 +12,7 @@ use super::track::Track;
 
 /// Range of tried delays, s: a program may also stamp a little late.
 const RANGE_S: (f64, f64) = (-0.05, 0.5);
-/// Step of the first search, s; half the length of the shortest press would be too coarse a step.
+/// Step of the first search, s. Half the length of the shortest press would be too coarse.
 const STEP_S: f64 = 0.01;
 /// Number of halvings of the step after the first search, down to 0.02 ms.
 const HALVINGS: u32 = 9;
@@ -56,7 +56,7 @@ pub(super) fn of(run: &Run, track: &Track) -> Option<f64> {
     least.is_finite().then_some(best_s)
 }
 
-/// Deviation of the force from a cubic of the inductance, N, for a delay.
+/// Deviation of the force from a cubic function of the inductance, N, for a delay.
 fn loop_n(points: &[(f64, f64)], track: &Track, delay_s: f64) -> Option<f64> {
     let mut system = System::new(4);
     let mut count = 0;

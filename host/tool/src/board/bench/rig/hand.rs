@@ -4,8 +4,8 @@ use palpate_cli::failure::Failure;
 
 use super::RigBench;
 
-/// A press by hand with a scale stops at this many positions; the scale's readings there give
-/// points of the curve of travel against inductance.
+/// Number of positions at which a press by hand stops if the stage has a scale. The scale's
+/// readings there give points of the curve of travel against inductance.
 const STEPS: u32 = 4;
 /// Rest at each position, s: enough samples for a mean whose noise is well below a nanometre.
 const REST_S: f64 = 0.3;

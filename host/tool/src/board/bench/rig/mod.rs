@@ -41,9 +41,9 @@ const GAUGE_SILENT_S: f64 = 2.0;
 /// Longest wait for the first reading of the load cell: an amplifier restarts when its port is
 /// opened.
 const GAUGE_START: Duration = Duration::from_secs(60);
-/// The sensor has recovered from a press when its frequency differs from that of the untouched
-/// sensor by less than this, relative: a fifth of the limit in the check of each run. And the
-/// longest wait for the recovery, s.
+/// Relative difference from the frequency of the untouched sensor below which the sensor has
+/// recovered from a press: a fifth of the limit in the check of each run. And the longest wait for
+/// that, s.
 const RECOVERED: f64 = 0.2e-3;
 const RECOVERY_S: f64 = 300.0;
 /// Longest delay of a stage's answer beyond the duration of its movement, s.
@@ -84,14 +84,14 @@ pub(crate) struct RigBench<'l> {
     /// Unprocessed answers of the stage.
     answers: Vec<GaugeLine>,
     arrivals: Vec<Arrival>,
-    /// Board time of its last sample, s, and arrival time by the link's clock.
+    /// Board time of the last sample, s, and arrival of that sample by the link's clock.
     latest_s: Option<f64>,
     came: Duration,
-    /// Frequency of the last samples, Hz.
+    /// Frequency of the last sample, Hz.
     frequency_hz: f64,
     /// Frequency of the sensor before the first contact, Hz.
     rest_hz: Option<f64>,
-    /// Position of the stage at the last touch, m; of a stage that a program moves.
+    /// Position at the last touch, m, of a stage that a program moves.
     touch_m: f64,
 }
 
@@ -189,7 +189,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Lets board time pass, s, while it receives.
+    /// Receives until a span of board time, s, has passed.
     fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
         let end_s = self.now_s() + time_s;
         while self.now_s() < end_s {
@@ -209,7 +209,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Present time by the board's clock, s.
+    /// Present time by the board's clock, s: that of the last sample, if there is one.
     fn now_s(&self) -> f64 {
         let by_clock = || self.link.clock().device_s(self.link.now());
         self.latest_s.or_else(by_clock).unwrap_or_default()
@@ -248,7 +248,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Asks the user for something, and receives until the answer.
+    /// Asks the user for something. Receives until the user answers, and returns the answer.
     fn request(&mut self, request: &str) -> Result<String, Failure> {
         self.person.ask(request)?;
         loop {
@@ -272,7 +272,7 @@ impl<'l> RigBench<'l> {
         self.stage_track.clear();
         self.hand.position_m = None;
         self.latest_s = None;
-        // Drops the gauges' readings so far, which have no board time.
+        // Drops the readings that the gauges sent before, since these have no board time.
         self.take_force()?;
         self.take_stage()?;
         self.came = self.link.now();
@@ -291,7 +291,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Waits until the frequency is back to that of the sensor before its first press.
+    /// Waits until the frequency has returned to that before the first press.
     fn recover(&mut self) -> Result<(), Failure> {
         let Some(rest_hz) = self.rest_hz else {
             return Ok(());
@@ -317,7 +317,7 @@ impl<'l> RigBench<'l> {
         Ok(sum_hz / count)
     }
 
-    /// Adds the gauges' readings to a run, each sample with those at its time.
+    /// Adds the gauges' readings to a run: each sample gets the readings at its own time.
     fn fill(&self, run: &mut Run) {
         let late_s = delay::of(run, &self.force_track).unwrap_or_default();
         for line in &mut run.lines {
@@ -329,7 +329,7 @@ impl<'l> RigBench<'l> {
     }
 }
 
-/// Opens the load cell: a built-in amplifier type or a program.
+/// Opens the load cell: an amplifier that this tool supports itself, or a program.
 fn gauge(name: &str) -> Result<Box<dyn Source>, Failure> {
     match name.strip_prefix("openscale:") {
         Some(port) => Ok(Box::new(openscale::OpenScale::open(port)?)),

@@ -10,7 +10,7 @@ use super::{MEAN_S, RigBench};
 /// m.
 const CLEAR_M: f64 = 0.2e-3;
 const LIFT_M: f64 = 1e-3;
-/// Step and range of the search for the touch, m: a person brings a specimen within millimetres.
+/// Step and range of the search for the touch, m. A person places the specimen within millimetres.
 const SEARCH_STEP_M: f64 = 20e-6;
 const SEARCH_M: f64 = 5e-3;
 /// Speed of the search, m/s.
@@ -40,7 +40,7 @@ impl RigBench<'_> {
         }
     }
 
-    /// Position of the stage, m; before its first reading that of the last touch.
+    /// Last reading of the stage's position, m; before the first reading, that of the last touch.
     pub(super) fn place_m(&self) -> f64 {
         self.stage_track
             .last()

@@ -119,8 +119,8 @@ impl Source for OpenScale {
 /// library prints `ovf` for a number beyond 32 bits.
 const NO_NUMBERS: [&str; 4] = ["inf", "-inf", "nan", "ovf"];
 
-/// Returns the force of a line, N, or the text of a weight that is not a number. `None` for its
-/// greeting, its menu and truncated lines.
+/// Returns the force of a line, N, or the text of a weight that is not a number. `None` for the
+/// amplifier's greeting, its menu and truncated lines.
 fn force_n(line: &str) -> Option<Result<f64, String>> {
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
     let mut pairs = fields.windows(2);
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(force_n("2041,nan,kg"), Some(Err("nan".to_owned())));
     }
 
-    /// The scale's end of a serial line, and the reader at the other end.
+    /// Creates a serial line. Returns the amplifier's end of it and the reader at the other end.
     #[cfg(unix)]
     fn connected() -> (serialport::TTYPort, OpenScale) {
         let (scale, port) = serialport::TTYPort::pair().unwrap();
@@ -204,7 +204,7 @@ mod tests {
         assert_eq!(lines, [reading]);
     }
 
-    /// As with a wrong baud rate.
+    /// The bytes have no line end, as with a wrong baud rate.
     #[cfg(unix)]
     #[test]
     fn a_line_without_an_end_is_refused() {
@@ -212,7 +212,7 @@ mod tests {
 
         let (mut scale, mut open) = connected();
         scale.write_all(&[0x81; 1_500]).unwrap();
-        // The system delivers the bytes with a delay.
+        // The system delivers the bytes with a delay, so the test reads repeatedly.
         let refused = (0..5_000).find_map(|_| {
             std::thread::sleep(Duration::from_millis(1));
             open.lines().err()

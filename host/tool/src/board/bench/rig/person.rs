@@ -6,7 +6,7 @@ use std::thread;
 
 use palpate_cli::failure::Failure;
 
-/// The terminal for the answers, read while the board goes on.
+/// Reads answers at the terminal while the bench receives from board and gauges.
 #[derive(Default)]
 pub(super) struct Person {
     answers: Option<Receiver<String>>,
@@ -26,7 +26,7 @@ impl Person {
         Ok(out.flush()?)
     }
 
-    /// Returns the answer; `None` until there is one.
+    /// Returns the user's answer; `None` before the user has answered.
     ///
     /// # Errors
     /// If the terminal has been closed.

@@ -59,7 +59,7 @@ impl GaugeLine {
     }
 }
 
-/// A source of lines: a program or a replacement.
+/// A source of lines: a program, or an amplifier that this tool supports itself.
 pub(super) trait Source {
     /// Returns the lines received since the last call.
     ///

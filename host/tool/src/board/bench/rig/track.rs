@@ -21,7 +21,7 @@ impl Track {
             Some(own_s) => self.clock.board_s(now_s, own_s),
             None => now_s,
         };
-        // Two readings in one packet arrive at the same time.
+        // Two readings in one packet have equal times and stay in order.
         let after = self.readings.partition_point(|(at_s, _)| *at_s <= time_s);
         self.readings.insert(after, (time_s, value));
     }
@@ -59,8 +59,8 @@ impl Track {
     }
 }
 
-/// Offset of a gauge's own clock from the board's. Most lines arrive with about equal delay after
-/// their time stamp, some much later, when the computer was busy; the median is used.
+/// Offset of a gauge's own clock from the board's: a median, since most lines arrive with about
+/// equal delay after their time stamp, but some much later when the computer was busy.
 #[derive(Clone, Debug, Default)]
 struct GaugeClock {
     /// Board time at arrival less the gauge's time, s, of the last readings.
@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(track.at(1.1), Some(3.0));
         assert_eq!(track.at(0.9), None);
         assert_eq!(track.at(2.1), None);
-        // The gauge was silent for nine tenths of a second.
+        // Between 1.1 s and 2 s the gauge sent no reading for longer than `LONGEST_S`.
         assert_eq!(track.at(1.5), None);
     }
 
