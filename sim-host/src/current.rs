@@ -1,9 +1,9 @@
 //! Drive of the coil's current, and its measurement by the instrument.
 //!
-//! An ideal source drives the coil: its mean follows the command at once, within the hardware limit
-//! and within the current that the supply can drive through the coil. The effects of the bridge's
-//! switching have a closed form: the ripple, whose square acts as the square of the current does,
-//! and the duty cycle. The measurement has its own errors.
+//! An ideal source drives the coil: its mean current follows the command at once, within the
+//! hardware limit and within the current that the supply can drive through the coil. Closed forms
+//! give the bridge's duty cycle and ripple. The square of the ripple adds to the square of the
+//! mean. The measurement has its own errors.
 
 use core::f64::consts::TAU;
 
@@ -48,14 +48,14 @@ pub struct CurrentParameters {
 /// Period of the bridge, s (the reference board: 62.5 kHz; docs/decisions/0040).
 pub const PWM_PERIOD_S: f64 = 16e-6;
 
-/// Effective current, A: root of the sum of the squared mean and the squared rms ripple, with the
-/// sign of the mean. Effects that depend on I² follow it.
+/// Effective current, A: √(mean² + rms ripple²), with the sign of the mean. All effects that depend
+/// on I² use it.
 #[must_use]
 pub fn effective_current_a(mean_a: f64, ripple_a: f64) -> f64 {
     libm::copysign(libm::hypot(mean_a, ripple_a), mean_a)
 }
 
-/// Voltage across the coil where the supply has no limit, V.
+/// Supply voltage of the bridge if `supply_v` is infinite, V.
 const UNLIMITED_V: f64 = 12.0;
 
 impl CurrentParameters {
@@ -81,8 +81,8 @@ impl CurrentParameters {
         }
     }
 
-    /// Effective current with its ripple, A: the root mean square over a period, with the sign of
-    /// the mean (see [`effective_current_a`]).
+    /// Root mean square of the current over a period, ripple included, A, with the sign of the mean
+    /// (see [`effective_current_a`]).
     #[must_use]
     pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         effective_current_a(current_a, self.ripple_a(current_a, coil_ohm))
@@ -90,9 +90,9 @@ impl CurrentParameters {
 
     /// Root mean square of the ripple, A.
     ///
-    /// A coil that is driven for a share d of the period and shorted otherwise has a triangular
-    /// ripple of V d (1 − d) T/L peak to peak, whose variance is a twelfth of its square. The
-    /// coil's resistance changes the ripple by a relative amount below R T/L.
+    /// With supply V, duty cycle d, period T and inductance L the ripple is a triangle of
+    /// V d (1 − d) T/L peak to peak; its variance is a twelfth of the square of that. The coil's
+    /// resistance R, left out here, changes the ripple by a relative amount below R T/L.
     #[must_use]
     pub fn ripple_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         let Bridge {

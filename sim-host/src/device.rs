@@ -9,7 +9,7 @@ use crate::world::World;
 /// A record with its time.
 pub type TimedRecord = (Instant, Record);
 
-/// An instrument that takes commands and sends records, on a plant whose time it drives.
+/// An instrument on a simulated plant: takes commands, sends records, and advances virtual time.
 ///
 /// [`NativeBoard`](crate::native::NativeBoard) runs on this computer; an emulated board runs the
 /// firmware image.
@@ -26,7 +26,7 @@ pub trait Device {
     /// If the device cannot run on, or does not answer.
     fn send(&mut self, command: Command) -> Result<(), Self::Error>;
 
-    /// Runs a short time, to `end` at most, or beyond it where a step cannot be divided.
+    /// Runs for a short time, to `end` at most; a step that cannot be divided may end after it.
     ///
     /// # Errors
     /// If the device cannot run on.

@@ -1,10 +1,10 @@
 //! The magnetorheological effect: the actuated layer stiffens with the current.
 //!
-//! c_D = c_D0 (1 + ε σ), with a stiffening σ of 0 without field and 1 at the peak current. It
-//! follows the current through three stages:
+//! c_D = c_D0 (1 + ε σ). The stiffening σ is 0 without field and 1 at the peak current. σ follows
+//! the current through three stages:
 //!
-//! 1. saturation, s(B) = B²/(B² + Bc²), B proportional to the current, over its value at the peak
-//!    (SOURCES.md section 4, and the stack files);
+//! 1. saturation: s(B)/s(B_peak) with s(B) = B²/(B² + Bc²), and the field B proportional to the
+//!    current (SOURCES.md section 4, and the stack files);
 //! 2. memory: a share m of the stiffening goes through a play operator, the elementary model of
 //!    hysteresis (SOURCES.md 3.5; Visintin, "Differential models of hysteresis", 1994);
 //! 3. a first-order lag (SOURCES.md 3.6).
@@ -137,7 +137,7 @@ mod tests {
         let rising = Play::default().follow(0.5);
         let falling = Play::default().follow(1.0).follow(0.5);
         let gap = LAW.target(0.5, falling) - LAW.target(0.5, rising);
-        // The gap is the whole width of the play operator, times the share.
+        // Gap: full width of the play operator, 0.5, times share 0.2, over 1 − PLAY_HALF_WIDTH.
         assert!((gap - 0.2 * 0.5 / 0.75).abs() < 1e-14, "{gap}");
         assert!((LAW.target(1.0, Play::default().follow(1.0)) - 1.0).abs() < 1e-15);
         let left = LAW.target(0.0, Play::default().follow(1.0).follow(0.0));

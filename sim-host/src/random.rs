@@ -26,7 +26,7 @@ impl Stream {
     #[must_use]
     pub fn named(seed: u64, name: &str) -> Self {
         let name = fnv_1a(name.as_bytes());
-        // PCG's streams are uncorrelated only if the states differ too, so the name enters both.
+        // PCG's streams are uncorrelated only if the states differ too, so the name sets both.
         let state = u128::from(seed) << 64 | u128::from(seed ^ name);
         let mut generator = Pcg64::new(state, u128::from(name));
         generator.next_u64();

@@ -1,5 +1,5 @@
-//! One switch for each disturbance. Numbers in brackets are sections of SOURCES.md, names in
-//! brackets those of `stacks/disturbances.toml`.
+//! One switch for each disturbance. A number in brackets is a section of SOURCES.md, a name in
+//! brackets a section of `stacks/disturbances.toml`.
 
 /// Declares the switches once, so that fields, names and access by name agree.
 macro_rules! switches {
@@ -33,7 +33,7 @@ macro_rules! switches {
                 Self { $($name: on,)+ }
             }
 
-            /// Whether the disturbance of that name is enabled; `None` if there is none.
+            /// Whether the disturbance of that name is enabled; `None` for an unknown name.
             #[must_use]
             pub fn get(&self, name: &str) -> Option<bool> {
                 match name {
@@ -103,8 +103,8 @@ switches! {
     ldc_noise,
     /// The drive current of the converter shifts its frequency (3.9).
     ldc_drive_shift,
-    /// The current ripples with the bridge's switching, which heats, attracts, stiffens and disturbs
-    /// the sensing coil by its square (3.11). The circuit of an emulated board ripples in any case.
+    /// The current has a ripple from the bridge's switching. Its square adds to heat, attraction,
+    /// stiffening and crosstalk (3.11). The circuit of an emulated board always has its own ripple.
     ripple,
     /// Harmonics of the bridge's switching pull the oscillation of the sensing coil (3.11).
     pwm_coupling,
@@ -137,9 +137,8 @@ impl Switches {
         Self::uniform(false)
     }
 
-    /// Only one disturbance acts. The effects of temperature need a temperature change, so
-    /// `heating` and `ambient_change` act beside them. `None` if there is no disturbance of that
-    /// name.
+    /// Only one disturbance acts. Effects of temperature need a temperature change, so `heating`
+    /// and `ambient_change` act beside them. `None` for an unknown name.
     #[must_use]
     pub fn only(name: &str) -> Option<Self> {
         Self::none().get(name)?;

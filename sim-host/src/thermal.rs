@@ -2,9 +2,9 @@
 //!
 //! C_c dT_c/dt = I² R(T_c) − (T_c − T_p)/R_cp,  C_p dT_p/dt = (T_c − T_p)/R_cp − (T_p − T_a)/R_pa
 //!
-//! The values are those of the disturbances' `[thermal]`. The pad is the body of the sensor: both
-//! layers and the tank are assumed to be at its temperature, the pessimistic choice for the sensing
-//! side. The sources do not give it.
+//! Indices: c copper, p pad, a ambient. The values are those of the disturbances' `[thermal]`. The
+//! pad is the body of the sensor: both layers and the tank are assumed to be at its temperature,
+//! the pessimistic choice for the sensing side. The sources do not give it.
 
 /// Temperature of calibration, °C (guess: a room; only differences from it matter).
 pub const CALIBRATION_C: f64 = 25.0;
@@ -68,8 +68,8 @@ impl ThermalParameters {
 
     /// The state after a time with a mean square current, A².
     ///
-    /// Implicit midpoint rule, whose linear equations are solved exactly: heat is conserved to
-    /// rounding, and any step is stable. Its rates are off by (step / 0.4 s)²/12, 5·10⁻⁷ at 1 ms.
+    /// Implicit midpoint rule, its linear equations solved exactly: heat is conserved to rounding,
+    /// and any step is stable. Its rates have a relative error of (step / 0.4 s)²/12, 5·10⁻⁷ at 1 ms.
     #[must_use]
     pub fn advance(&self, from: &ThermalState, square_a2: f64, duration_s: f64) -> ThermalState {
         let power = self.heating * square_a2 * self.resistance_ohm;

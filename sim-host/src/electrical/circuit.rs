@@ -1,8 +1,8 @@
 //! Bridge, coil and supply.
 //!
-//! L di/dt = E − R i, where E and R depend on which of the four transistors and diodes conduct:
-//! i(t) = E/R + (i₀ − E/R) exp(−R t/L). Dead times, the hardware limit and the decay of a diode
-//! current to zero divide a span into such pieces.
+//! L di/dt = E − R i, where the driving voltage E and the resistance R depend on which transistors
+//! and diodes conduct: i(t) = E/R + (i₀ − E/R) exp(−R t/L). A span is divided into such pieces by
+//! dead times, the hardware limit and a diode current that decays to zero.
 
 /// Parameters of the circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +114,7 @@ pub struct Circuit {
     /// State that the pins request; it takes effect when the dead time ends.
     asked: [Half; 2],
     dead_until_s: [f64; 2],
-    /// Time at which the hardware limit trips; `shorted_until_s` is the end of the short after it.
+    /// Time at which the hardware limit trips; the short after it lasts to `shorted_until_s`.
     trips_s: f64,
     shorted_until_s: f64,
     trips: u32,
@@ -129,8 +129,8 @@ struct Mesh {
     resistance_ohm: f64,
     /// Whether the current takes a diode: it can then only decay, and stops at zero.
     through_diodes: bool,
-    /// 1 where the current comes from the supply, -1 where it returns to the supply, 0 where it
-    /// does neither.
+    /// 1 where the current flows out of the supply, -1 where it flows back into the supply, 0 where
+    /// it does not pass the supply.
     from_supply: f64,
 }
 
@@ -170,7 +170,7 @@ impl Circuit {
         (self.peak_a, self.trips)
     }
 
-    /// Resets the peak current.
+    /// Resets the peak current and the number of trips.
     pub const fn forget_peak(&mut self) {
         self.peak_a = self.current_a.abs();
         self.trips = 0;
@@ -218,8 +218,8 @@ impl Circuit {
         }
         self.ask(halves);
         let end_s = self.totals.time_s + duration_s;
-        // A span has two dead times and a few trips; the bound only stops a loop that rounding
-        // could prolong.
+        // A span has at most two dead times and a few trips. The bound of 64 only ends a loop that
+        // rounding could prolong.
         for _ in 0..64 {
             let left_s = end_s - self.totals.time_s;
             if left_s <= 0.0 {
@@ -273,7 +273,7 @@ impl Circuit {
         } else {
             0.0
         };
-        // Voltage at each end of the coil: at the supply or not, and a diode's forward voltage
+        // For each end of the coil: 1 at the supply's voltage, else 0, and a diode's voltage
         // against the current. Current leaves the first half bridge and enters the second.
         let end = |half: Half, leaves: f64| match half {
             Half::Top => (1.0, 0.0),
@@ -443,7 +443,7 @@ mod tests {
 
     #[test]
     fn energy_is_conserved() {
-        // Without diodes in the path: the supply's energy becomes heat and magnetic energy.
+        // Without dead time no diode conducts: supply energy becomes heat and magnetic energy.
         let mut circuit = circuit();
         circuit.parameters.dead_s = 0.0;
         circuit.parameters.supply_ohm = 0.0;
@@ -481,7 +481,7 @@ mod tests {
             }
             circuit.current_a()
         };
-        // In the dead time a diode conducts, and its voltage adds to the losses.
+        // A dead time costs more than its length: a diode's voltage opposes the current during it.
         let lost = run(0.0, 4e-6) - run(100e-9, 4e-6);
         let by_length = run(0.0, 4e-6) - run(0.0, 3.9e-6);
         assert!(
@@ -498,7 +498,7 @@ mod tests {
         });
         circuit.advance(FORWARD, 1e-3);
         let (peak_a, trips) = circuit.peak();
-        // 15 A, and 9 A more from 12 V / 2 uH for 1.5 us.
+        // Limit of 15 A; during its delay of 1.5 us, 12 V / 2 uH add 9 A.
         assert!(peak_a > 20.0 && peak_a < 15.0 + 9.0, "{peak_a}");
         assert!(trips > 30, "{trips}");
     }

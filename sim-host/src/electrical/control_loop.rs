@@ -8,15 +8,15 @@ use super::circuit::{Circuit, Pins, Totals};
 use super::edges;
 use super::sense::{Converter, Filter};
 
-/// Gain of the reference board's current amplifier, V/A; below, its output at zero current, V.
+/// Gain of the reference board's current amplifier, V/A, and its output at zero current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 /// Delay from the start of a period to its first sample, and from its middle to its second, s: the
 /// firmware image starts the converter this long after the PWM
 /// (docs/decisions/0063-hal-and-own-registers.md).
 const SAMPLED_S: f64 = 25e-9;
-/// Time from the middle of a period, where its second sample is taken, to the end of the control
-/// interrupt, s: conversion, latency, and the control law in 270 cycles at 200 MHz.
+/// Time from the middle of a period (its second sample) to the end of the control interrupt, s:
+/// conversion, latency, and the control law in 270 cycles at 200 MHz.
 const INTERRUPT_S: f64 = 3.6e-6;
 /// Time constant of the supply's divider with its capacitor, s.
 const SUPPLY_TAU_S: f64 = 1e-3;
@@ -26,14 +26,14 @@ const SUPPLY_TAU_S: f64 = 1e-3;
 pub struct Slow {
     /// Relative error of the current amplifier's gain, which drifts over weeks.
     pub gain_error: f64,
-    /// Offset of the current amplifier, A, which drifts as its gain does.
+    /// Offset of the current amplifier, A, which drifts over weeks.
     pub offset_a: f64,
     /// Relative error of the measured supply.
     pub supply_error: f64,
     /// Voltage at which the amplifier's output is stuck, V; `None` for a working amplifier.
     pub stuck_v: Option<f64>,
-    /// Voltage that replaces the next sample of the current and no other, V; `None` for a true
-    /// sample.
+    /// Voltage that replaces the next sample of the current, and only that one, V; `None` for a
+    /// true sample.
     pub wild_v: Option<f64>,
     /// Whether the bridge reports a fault.
     pub bridge_faults: bool,
@@ -197,7 +197,7 @@ impl ControlLoop {
         }
     }
 
-    /// Advances the circuit through a part of the period, given from 0 to 1.
+    /// Advances the circuit from `from` to `to`, both as a fraction of the period, 0 to 1.
     fn bridge(&mut self, from: f64, to: f64, period_s: f64) {
         let Output {
             awake,

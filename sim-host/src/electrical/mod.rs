@@ -1,7 +1,7 @@
 //! The electrical side of the coil: bridge, supply, current measurement, converter.
 //!
-//! Double precision, and no time step: between two changes of the bridge's state the circuit is
-//! linear, so its current is an exponential, which is evaluated at any time.
+//! Double precision, without time steps: between two changes of the bridge's state the circuit is
+//! linear, so its current is an exponential and can be computed for any time.
 
 mod circuit;
 mod control_loop;
@@ -13,8 +13,8 @@ pub use control_loop::{ControlLoop, HISTORY, Passed, Period, Slow, TRACED};
 pub use regulated::{Regulated, reference_hardware, reference_limits};
 pub use sense::{Converter, ConverterParameters, Filter, thermistor_v};
 
-/// Edges of a phase-correct PWM within one period: for each edge its time, from 0 to 1 of the
-/// period, with both levels from then on. Both pulses are centred on the start of the period.
+/// Edges of a phase-correct PWM in one period: for each edge its time, as a fraction of the period,
+/// and both levels after it. Both pulses are centred on the start of the period.
 ///
 /// ```
 /// use palpate_sim::electrical::edges;
@@ -30,7 +30,7 @@ pub fn edges(levels: [u16; 2], full: u16) -> impl Iterator<Item = (f64, [bool; 2
     let is_high = move |high: f64, at: f64| at < high || at >= 1.0 - high;
     let mut last = None;
     moments.into_iter().filter_map(move |at| {
-        // An output at the full level has its edges in the middle, and stays high.
+        // At the full level both edges of an output coincide in mid-period: it stays high.
         let state = [is_high(first, at), is_high(second, at)];
         if at >= 1.0 || last == Some(state) {
             return None;

@@ -104,7 +104,7 @@ impl Regulated {
         self.control.drive.apply(order);
     }
 
-    /// Follows a current line, in the circuit's time.
+    /// Follows a current line, whose times count on the circuit's clock ([`now_us`](Self::now_us)).
     ///
     /// # Errors
     /// The driver's refusal.

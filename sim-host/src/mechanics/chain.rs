@@ -4,9 +4,9 @@ use super::friction::{FrictionParameters, FrictionState};
 use super::layer::{LayerParameters, LayerStep, MODES, Response, creep_rate};
 use super::load::Load;
 
-/// Least allowed ratio of the actuated layer's stiffness with the gradient of the attraction to its
-/// stiffness without: below it the layer would snap shut. [`crate::world::World::new`] refuses such
-/// a plant, so the balance never has to limit the ratio.
+/// Least allowed stability: the actuated layer's stiffness with the gradient of the attraction,
+/// relative to its stiffness without. Below this ratio the layer would snap shut.
+/// [`crate::world::World::new`] refuses such a plant, so the balance never has to limit the ratio.
 pub const LEAST_STABILITY: f64 = 0.1;
 
 /// Constant properties of the chain.
@@ -183,7 +183,7 @@ impl Chain {
         conditions.attraction_n * (1.0 + self.attraction_gradient_per_m * actuated_m)
     }
 
-    /// Ratio of the actuated layer's stiffness with the attraction's gradient to that without.
+    /// Stiffness of the actuated layer with the attraction's gradient, relative to without it.
     #[must_use]
     pub fn stability(&self, attraction_n: f64, compliance_m_per_n: f64) -> f64 {
         1.0 - attraction_n * self.attraction_gradient_per_m * compliance_m_per_n
@@ -215,8 +215,8 @@ impl Chain {
         }
     }
 
-    /// The balance at the end of a step, under the conditions at its end. The forces balance to
-    /// rounding: only a hardening load has no closed-form solution.
+    /// Balance at the end of a step, under the conditions at that time. The forces balance to
+    /// rounding. Closed form, except for a hardening load, which needs an iteration.
     pub(crate) fn balance(
         &self,
         from: &ChainState,
@@ -228,7 +228,7 @@ impl Chain {
         let sensing = sensing_step.response(end.sensing_spring_n_per_m);
         let actuated = actuated_step.response(end.actuated_spring_n_per_m);
 
-        // x_D = ((F + A) S + b) / stability: the attraction grows with x_D itself
+        // x_D = ((F + A) S + b) / stability, attraction A, compliance S, offset b: A grows with x_D
         let stability = self.stability(end.attraction_n, actuated.compliance_m_per_n);
         let actuated_compliance = actuated.compliance_m_per_n / stability;
         let actuated_rest =
@@ -266,8 +266,8 @@ impl Chain {
         }
     }
 
-    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so
-    /// x_L + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    /// Balance for a given response of the sensing layer. With a pull P on the load and the layers'
+    /// compliances S and A: x_L + frame (F − P) + (S + A) (F − P) = slack − (S + A) P.
     fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
         let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
         let series =
@@ -275,7 +275,7 @@ impl Chain {
         let slack = rest.drive_m - sensing.offset_m - rest.actuated.offset_m;
         let pull_n = if slack > 0.0 { rest.pull_n } else { 0.0 };
         let shared_m = slack.max(0.0) - layers * pull_n;
-        // A load whose pull exceeds the force is stretched as it would be compressed.
+        // If the pull exceeds the force, the load is stretched, by the same law as in compression.
         let (load_m, load_force_n) = self.load.in_series(shared_m.abs(), series);
         let load_force_n = load_force_n.copysign(shared_m);
         let force_n = load_force_n + pull_n;

@@ -3,13 +3,12 @@
 use super::chain::{Chain, ChainConditions, ChainState, Decays};
 use super::layer::stored_j;
 
-/// Work done on the springs since the start, by its source, and the energy stored and dissipated,
-/// J.
+/// Work done on the springs since the start, by source, and the energy stored and dissipated, J.
 ///
-/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
-/// steps of the mean force times the change of displacement, which the integrator conserves
-/// exactly. The load's share of the press's work is its potential, which is exact for a nonlinear
-/// load.
+/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term sums the mean
+/// force times the change of displacement over all steps, which the integrator conserves exactly.
+/// The load's share of the press's work is the change of the load's potential, exact even for a
+/// nonlinear load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
     /// Work of the press.
@@ -20,7 +19,7 @@ pub struct Energy {
     pub attraction_j: f64,
     /// Work of the actuating coils' pull on the load.
     pub pull_j: f64,
-    /// Work of field and heat when they change loaded springs: ½ e₀ e₁ Δc.
+    /// Work of field and heat when they change loaded springs (see `changed_spring_j`).
     pub springs_j: f64,
     /// Heat from creep and friction.
     pub dissipated_j: f64,
@@ -100,7 +99,7 @@ impl Energy {
     }
 }
 
-/// Work of changing a loaded spring, ½ e₀ e₁ Δc, J. Each pair is a force and a spring.
+/// Work of changing a loaded spring c, J: ½ e₀ e₁ Δc, e = force/c. Each pair is (force, spring).
 fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, f64)) -> f64 {
     0.5 * (force_0 / spring_0) * (force_1 / spring_1) * (spring_1 - spring_0)
 }

@@ -30,12 +30,13 @@ pub struct FrictionState {
 }
 
 impl FrictionParameters {
-    /// Factor by which a sticking slider reduces the compliance of its layer.
+    /// Ratio of the layer's compliance beside a sticking slider to that without friction.
     pub(crate) fn part_left(&self, layer_m_per_n: f64) -> f64 {
         1.0 / (1.0 + layer_m_per_n * self.spring_n_per_m)
     }
 
-    /// Response of the layer with a sticking slider: x = b + C (F - k (x - s)), solved for x.
+    /// Response of the layer with a sticking slider: x = b + C (F - k (x - s)), solved for x, with
+    /// offset b, compliance C, friction's spring k and position s of the slider.
     pub(crate) fn stuck(&self, layer: &Response, from: &FrictionState) -> Response {
         let part = self.part_left(layer.compliance_m_per_n);
         let drawn_m = layer.compliance_m_per_n * self.spring_n_per_m * from.slider_m;
@@ -59,7 +60,7 @@ impl FrictionParameters {
         (force_n.abs() > self.stick_n).then(|| self.slip_n.copysign(force_n))
     }
 
-    /// Response of the layer beside a moving slider with the friction J: x = b + C (F - J).
+    /// Response of the layer beside a slipping slider of friction J: x = b + C (F - J).
     pub(crate) fn moving(layer: &Response, force_n: f64) -> Response {
         Response {
             offset_m: layer.offset_m - layer.compliance_m_per_n * force_n,

@@ -3,8 +3,8 @@
 //! A Kelvin chain: an instant spring c in series with three Kelvin elements of compliance a/c and
 //! time constant τ, so a constant force moves the layer by F/c · [1 + Σ a (1 − e^(−t/τ))]
 //! (SOURCES.md 3.4 names three exponentials). All elements share one force, which keeps the balance
-//! of the chain linear. The elements' compliances belong to the spring as drawn: neither field nor
-//! temperature changes them (guess).
+//! of the chain linear. The compliances a/c use the drawn spring c: neither field nor temperature
+//! changes them (guess).
 
 /// Number of modes of creep.
 pub const MODES: usize = 3;
@@ -52,14 +52,15 @@ impl LayerParameters {
     }
 }
 
-/// Displacement of a layer at the end of a step as a function of the force at that time: a known
-/// offset, and a compliance. The integrator is the exponentially fitted midpoint rule,
+/// Displacement of a layer at the end of a step, as a function of the force F₁ at that time: offset
+/// plus compliance times F₁. The integrator is the exponentially fitted midpoint rule, for a mode z
+/// of compliance J over a step h,
 ///
 /// z₁ = e z₀ + (1 − e) J (F₀ + F₁)/2,  e = exp(−h/τ),
 ///
-/// which is exact for free decay and for constant force. It conserves energy exactly with the
-/// dissipation of [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's rate, 3·10⁻⁵ at
-/// h = 1 ms and τ = 50 ms.
+/// exact for free decay and for constant force. It conserves energy exactly with the dissipation of
+/// [`dissipated_j`]. For a ramp its error is (h/τ)²/12 of a mode's rate, 3·10⁻⁵ at h = 1 ms and
+/// τ = 50 ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Response {
     /// Displacement without force, m.
@@ -110,8 +111,8 @@ impl LayerStep<'_> {
 
     /// Heat of the modes in the step that ends with `after`, J; never negative.
     ///
-    /// The rule is that of a dashpot η = τ_fit/J, τ_fit = (h/2) coth(h/2τ), under the midpoint
-    /// rule: η (Δz)²/h.
+    /// Heat η (Δz)²/h of a dashpot η = τ_fit/J with τ_fit = (h/2) coth(h/2τ), under the midpoint
+    /// rule (symbols as in [`Response`]).
     pub(crate) fn dissipated_j(&self, after: &[f64; MODES]) -> f64 {
         let mut heat_j = 0.0;
         for ((compliance, decay, z), after) in self.each().zip(after) {

@@ -56,8 +56,8 @@ impl Load {
         }
     }
 
-    /// Compression and force of the load in series with a spring of compliance C, where both share
-    /// `total_m`, zero or more: the root of x + C F(x) = total.
+    /// Compression x and force F of the load in series with a spring of compliance C, which
+    /// together take `total_m`, zero or more: the root of x + C F(x) = total.
     ///
     /// A hardening load uses Newton's method from the linear solution. The left side is convex, so
     /// the iteration falls monotonically to the root; relative error 10⁻¹⁵.

@@ -51,7 +51,7 @@ impl Profile {
         self
     }
 
-    /// Moves to `position_m` at `speed_m_per_s`, or at once if the speed is not above zero.
+    /// Moves to `position_m` at `speed_m_per_s`; jumps if the speed is zero or below.
     #[must_use]
     pub fn then_move(mut self, position_m: f64, speed_m_per_s: f64) -> Self {
         let (time, from_m) = self.last();
@@ -104,9 +104,9 @@ impl Profile {
     }
 }
 
-/// Jumps to and fro between two positions, at random times, as of a layer that snaps between two
-/// shapes or of a support that slips and returns. The times between jumps are exponentially
-/// distributed.
+/// Jumps to and fro between two positions at random times, such as those of a layer that snaps
+/// between two shapes, or of a support that slips and returns. The times between jumps are
+/// exponentially distributed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jumps {
     /// Distance between the two positions, m, 0 to 10⁻³.

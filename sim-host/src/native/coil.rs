@@ -15,7 +15,7 @@ use crate::electrical::thermistor_v;
 
 /// Ratio of the coil's supply to the voltage at its converter input.
 const SUPPLY_RATIO: f64 = 11.0;
-/// Time from the end of the window that the two samples of a period represent to the end of the
+/// Time from the end of the window over which a period's two samples average to the end of the
 /// period: a quarter of the period.
 const AFTER_WINDOW: Time = Time::from_us(4);
 

@@ -172,10 +172,10 @@ impl<'a> NativeEdges<'a> {
         chip.is_some_and(|chip| chip.borrow().intb_is_low())
     }
 
-    /// Reads the frame of an edge, up to the part whose deadline has passed.
+    /// Reads the frame of an edge, part by part, until a part's latest start has passed.
     async fn read(&mut self, edge: Option<Time>) -> Result<EdgeFrame, TransferError> {
         let mut data = vec![[0; 2]; self.pointers.len()];
-        // Rounded up: an interrupt takes a microsecond to read the timer.
+        // One microsecond more: the device's interrupt takes that long to read the timer.
         let edge_us = edge.map(|edge| micros(edge) + 1);
         let mut ended_us = [0; MOST_PARTS];
         let after_edge = |now: Time| {

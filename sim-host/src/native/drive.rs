@@ -12,8 +12,8 @@ use crate::world::{SharedWorld, World};
 /// Period of the PWM.
 const PERIOD: Time = Time::from_us(16);
 
-/// Periods per step of the plant, in which the current is constant: 128 us, in which an elastomer
-/// with a lag of 5 ms follows a fortieth of a change.
+/// PWM periods per step of the plant: 128 us with constant current. An elastomer with a lag of 5 ms
+/// follows a fortieth of a change in this time.
 const PERIODS_A_STEP: u32 = 8;
 
 /// Steps between two updates of resistance and temperature: 1 ms.
@@ -28,7 +28,7 @@ const LIMIT_LOW: f64 = 2.0 / 15.0;
 /// Circuit and control interrupt, with the world whose coil they drive.
 pub(super) struct CoilDrive {
     pub(super) world: SharedWorld,
-    /// `None` if the constants do not fit each other.
+    /// The circuit, its measurement and the control interrupt.
     pub(super) control: ControlLoop,
     runs: bool,
     /// End of the last period.
@@ -92,7 +92,7 @@ impl CoilDrive {
         let before = core::mem::replace(&mut self.reported, now);
         let passed = Passed::between(&before, &now);
         let mut world = self.world.borrow_mut();
-        // The world's time is still the end of the previous step.
+        // The world's time is still the end of the previous step, so the current acts in this step.
         world.set_current_with_ripple(passed.mean_a, passed.ripple_a);
         world.advance_to(self.ended);
     }
@@ -100,7 +100,7 @@ impl CoilDrive {
     pub(super) fn run(&mut self, on: bool, now: Time) {
         self.advance_to(now);
         if on && !self.runs {
-            // The PWM has run since the time zero of the world.
+            // The PWM's periods count from time zero of the world.
             let periods = now.as_ps() / PERIOD.as_ps();
             self.ended = PERIOD.times(periods);
             self.reported = self.control.circuit.totals();

@@ -52,7 +52,7 @@ impl Links {
         }
     }
 
-    /// Next whole frame of a link, if it arrives within this turn.
+    /// Next complete frame of a link; `None` if none is complete in this turn.
     pub(super) fn receive(&mut self, link: Link) -> Option<Received> {
         let link = match link {
             Link::Probe => &mut self.probe,

@@ -1,8 +1,8 @@
 //! The native board: the firmware's own crates on a PC, against the simulated converters and plant, on
 //! the virtual clock.
 //!
-//! It runs the code of the real board: `palpate-node` with driver, procedure and control law, and
-//! the same records. This module replaces the RTIC tasks of the microcontroller: it polls the
+//! It runs the code of the real board (`palpate-node` with driver, procedure and control law) and
+//! sends the same records. This module replaces the RTIC tasks of the microcontroller: it polls the
 //! converters' tasks when an event concerns them, the coil's manager once a millisecond, and the
 //! instrument after both. The control law sets the coil's current in the simulated circuit, period
 //! by period.
@@ -126,7 +126,7 @@ struct NativeHardware<'a> {
     boot_id: u32,
     /// Sequence numbers of `frames`.
     sequencer: Sequencer,
-    /// Frames sent over the probe's link, if they are not read as bytes.
+    /// Frames sent over the probe's link, unless a PC reads that link's bytes.
     frames: Vec<Frame<Record>>,
     links: Links,
     storage: StorageTask<Flash>,
@@ -196,8 +196,8 @@ impl NativeHardware<'_> {
 }
 
 impl<'a> NativeBoard<'a> {
-    /// A board that starts now, with the settings and calibration in the wiring's flash: default
-    /// settings and no calibration in an empty flash.
+    /// A board that starts now, with the settings and calibration in the wiring's flash. An empty
+    /// flash means default settings and no calibration.
     #[must_use]
     pub fn new(wiring: &'a Wiring) -> Self {
         let shared = Rc::new(Shared::default());
@@ -252,9 +252,9 @@ impl<'a> NativeBoard<'a> {
         sequence
     }
 
-    /// Writes bytes to a link, as a PC. The board takes them as the device does: one frame of each
-    /// link per turn. From the first call on, [`Self::read`] returns the bytes that the board sends
-    /// over the link.
+    /// Writes bytes to a link, as a PC does. The board processes one frame of each link per turn,
+    /// as the device does. From the first call on, [`Self::read`] returns the bytes that the board
+    /// sends over the link.
     pub fn write(&mut self, link: Link, bytes: &[u8]) {
         self.hardware.links.with_cable(link, |cable| {
             cable.is_open = true;
@@ -269,8 +269,8 @@ impl<'a> NativeBoard<'a> {
         links.with_cable(link, |cable| cable.down.len())
     }
 
-    /// Returns the bytes that the board has sent over a link since the last call; they count from
-    /// the first [`Self::write`].
+    /// Returns the bytes that the board has sent over a link since the last call, or since the
+    /// first [`Self::write`].
     #[must_use]
     pub fn read(&mut self, link: Link) -> Vec<u8> {
         let links = &self.hardware.links;

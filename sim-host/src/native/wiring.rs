@@ -16,7 +16,7 @@ use crate::world::{SharedWorld, World};
 /// Converters, coil, world and flash that are connected to a board.
 pub struct Wiring {
     world: SharedWorld,
-    /// The second converter is present, or stays in shutdown, in which it does not answer.
+    /// Both converters. An absent second one stays in shutdown, so it does not answer.
     chips: [RefCell<Chip<DrivenWorld>>; CONVERTERS],
     has_second: bool,
     pub(super) drive: Rc<RefCell<CoilDrive>>,
@@ -35,7 +35,7 @@ impl core::fmt::Debug for Wiring {
 }
 
 impl Wiring {
-    /// A world with one converter, at the world's own time.
+    /// Connects a world to one converter. Virtual time starts at the world's time.
     ///
     /// # Panics
     /// If the reference board's constants do not fit each other, which a test of the driver excludes.
@@ -44,7 +44,7 @@ impl Wiring {
         Self::of(world, false)
     }
 
-    /// A world with two converters, both with the same sensing coil on channel 0.
+    /// Connects a world to two converters, both with the same sensing coil on channel 0.
     #[must_use]
     pub fn with_second_converter(world: World) -> Self {
         Self::of(world, true)

@@ -33,10 +33,10 @@ pub const CURVATURE_PER_M: Quantity = Quantity::Uniform {
 };
 
 /// Range of the voltage induced in the sensing coil near its resonance, per volt across the drive
-/// coils: mutual over own inductance of the paper's coils, 5·10⁻⁵ to 9·10⁻⁵ through a plane of
-/// 70 µm of copper (computed, [`crate::sensing_coil::mutual`]). The range extends to twice and to a
-/// third of that, because the computation leaves out elastomer, the plane's edge and the
-/// capacitance between turns.
+/// coils. It is the ratio of mutual to own inductance: 5·10⁻⁵ to 9·10⁻⁵ for the paper's coils
+/// through a plane of 70 µm of copper (computed, [`crate::sensing_coil::mutual`]). The range
+/// extends to twice and to a third of that, because the computation leaves out elastomer, the
+/// plane's edge and the capacitance between turns.
 pub const INTERFERENCE_V_PER_V: Quantity = Quantity::LogUniform {
     min: 2e-5,
     max: 2e-4,

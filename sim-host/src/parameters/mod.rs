@@ -70,9 +70,9 @@ pub struct AttractionParameters {
 
 /// A load with a permeable face. It lies on the upper slab of MSE and reflects the sensing coil's
 /// field there (see [`crate::sensing_coil::integral::CoilIntegral::facing`]). The actuating field
-/// lowers the face's permeability, and the reflection by the relative amount s (I/I_peak)². While
-/// the load touches the sensor, the actuating coils pull the load by k I², against their own layer
-/// and through the sensor.
+/// lowers the face's permeability, which reduces the reflection by the relative amount
+/// s (I/I_peak)². While load and sensor touch, the actuating coils pull the load towards them by
+/// k I²; the sensor's layers between coils and load carry this pull.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ObjectParameters {
     /// Reflection (μ − 1)/(μ + 1) of the face without current: 1 for an ideal ferrite, −1 for an
@@ -135,8 +135,8 @@ pub struct RigParameters {
     pub stage_error_m: f64,
     /// Phase of that error at zero, rad.
     pub stage_phase: f64,
-    /// Relative tolerance of the rig's springs, 0 to 0.5; the error of each spring is a fraction of
-    /// it.
+    /// Relative tolerance of the rig's springs, 0 to 0.5. The error of each spring is a random
+    /// fraction of the tolerance.
     pub spring_tolerance: f64,
 }
 

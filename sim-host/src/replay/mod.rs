@@ -9,8 +9,8 @@
 //! change of settings, after a train without a contact. Where records are missing it stops, and
 //! waits for the next such start.
 //!
-//! The records of a step show the time at which the board's procedure ran it. Where a step made no
-//! record except the sample, no result depends on its time.
+//! The headers of a step's records give the time at which the board ran the step. A step whose only
+//! record is the sample does not show this time, but then no result depends on it.
 
 mod in_force;
 mod run;
@@ -161,7 +161,7 @@ impl Replay {
         self.pause = Some(why);
     }
 
-    /// Stops at a record whose cause the procedure here cannot know.
+    /// Pauses the replay at a record whose cause is not in the recording, such as a fault.
     fn interrupt(&mut self, record: &Record) {
         let why = match record {
             Record::Fault(fault) if fault.active => Pause::Fault,

@@ -38,8 +38,8 @@ pub(super) struct Run {
     now: Instant,
     /// Duration of a conversion.
     window: Duration,
-    /// Time from the middle of a scan's first conversion to the end of that conversion, which
-    /// precedes any step with the scan.
+    /// Time from the middle of a scan's first conversion to the end of that conversion. Any step
+    /// with the scan runs later.
     before_edge: Duration,
     /// Converter and channel of each deformation curve.
     curves: Vec<(u8, u8)>,
@@ -98,7 +98,7 @@ impl Run {
 
     /// Takes a sample, and the board's records up to the next sample.
     pub(super) fn step(&mut self, group: &[Frame<Record>]) {
-        // A computed sample that the board did not send has no counterpart later.
+        // Drops computed samples that the board did not send: no later record can match them.
         self.made
             .retain(|record| is_computed(record) && !matches!(record, Record::Sample(_)));
         for (place, frame) in group.iter().enumerate() {
@@ -174,8 +174,8 @@ impl Run {
                 word: Word::from_registers((of.word >> 16) as u16, of.word as u16),
                 frequency_hz: of.frequency_hz,
                 sigma_hz: of.sigma_hz,
-                // A conversion that the driver does not trust has no deformation: one after a gap,
-                // although its word does not show it.
+                // A deformation is missing if the driver distrusts the conversion because it
+                // follows a gap; the word itself does not show the gap.
                 after_gap: has_curve && of.deformation_m.is_none(),
                 ..Reading::default()
             };

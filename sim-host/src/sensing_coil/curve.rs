@@ -9,15 +9,14 @@ use super::integral::{CoilIntegral, LEAST_GAP_M};
 /// Largest gap of the curve, m.
 pub const LARGEST_GAP_M: f64 = 4e-3;
 
-/// Terms of the series. The inductance is analytic for gaps of positive real part, a strip of the
-/// half-width π/2 in the logarithm of the gap, so each term reduces the error by a factor of about
-/// 2.2.
+/// Terms of the series. The inductance is analytic for gaps of positive real part. In the logarithm
+/// of the gap this is a strip of half-width π/2, so each term reduces the error by a factor of
+/// about 2.2.
 const TERMS: usize = 36;
 
-/// L(gap) between [`LEAST_GAP_M`] and [`LARGEST_GAP_M`], with a relative error below 10⁻¹² of
-/// [`CoilIntegral::inductance_h`] and its slope within 10⁻¹⁰.
-/// Beyond its ends the curve keeps its end values, with zero slope: a gap of 0.1 mm means that the
-/// layer is pressed flat.
+/// L(gap) between [`LEAST_GAP_M`] and [`LARGEST_GAP_M`]. Relative to [`CoilIntegral::inductance_h`]
+/// its error is below 10⁻¹², and that of its slope within 10⁻¹⁰. Outside this range the curve keeps
+/// its end values, with zero slope: a gap of 0.1 mm means that the layer is pressed flat.
 ///
 /// ```
 /// use palpate_sim::sensing_coil::{CoilDesign, curve::CoilCurve};
@@ -107,7 +106,7 @@ impl CoilCurve {
     }
 }
 
-/// Centre of the logarithm of the gap, from ln 0.1 mm to ln 4 mm; below, half its span.
+/// Centre of the logarithm of the gap, from ln 0.1 mm to ln 4 mm, and half of its span.
 const CENTRE: f64 = -7.365_900_644_919_214;
 const HALF_SPAN: f64 = 1.844_439_727_056_968;
 
@@ -143,7 +142,7 @@ fn differentiated(series: &[f64; TERMS]) -> [f64; TERMS] {
     slope
 }
 
-/// Σ cₙ Tₙ(x) of two series (Clenshaw 1955); interleaved, so that neither waits for the other.
+/// Σ cₙ Tₙ(x) of two series (Clenshaw 1955), interleaved so that the processor overlaps them.
 fn clenshaw(one: &[f64; TERMS], other: &[f64; TERMS], x: f64) -> (f64, f64) {
     let twice = 2.0 * x;
     let (mut a, mut a_before) = (0.0, 0.0);

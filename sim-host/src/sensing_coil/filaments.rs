@@ -24,10 +24,10 @@ pub(super) fn inductance_h(radii_m: &[f64], track_m: (f64, f64)) -> f64 {
     sum
 }
 
-/// Inductance as [`inductance_h`], H, with the width and the thickness of the tracks in the mutual
-/// inductances too: the geometric mean distance R of two rectangles side by side is ln R = ln d −
-/// (w² − t²)/12d² − w⁴/60d⁴ (Grover, chapter 3; the first terms, within 1e-4 of a pair's inductance
-/// for tracks of half the pitch).
+/// Inductance as [`inductance_h`], H, but with the width w and thickness t of the tracks in the
+/// mutual inductances too. The geometric mean distance R of two rectangles side by side at the
+/// distance d is ln R = ln d − (w² − t²)/12d² − w⁴/60d⁴ (Grover, chapter 3; the first terms, within
+/// 1e-4 of a pair's inductance for tracks of half the pitch).
 #[must_use]
 pub(super) fn inductance_of_tracks_h(radii_m: &[f64], track_m: (f64, f64)) -> f64 {
     let [w, t] = [track_m.0 * track_m.0, track_m.1 * track_m.1];
@@ -54,8 +54,8 @@ fn mutual_h(a_m: f64, b_m: f64) -> f64 {
 fn elliptic(k: f64) -> (f64, f64) {
     let (mut a, mut b, mut c) = (1.0, libm::sqrt(1.0 - k * k), k);
     let (mut power, mut sum) = (0.5, 0.5 * c * c);
-    // Quadratic convergence: below 1e-9 the next c is rounding error, and the sum has its last
-    // digit.
+    // Quadratic convergence: once c is below 1e-9 of a, the next c is only rounding error, so the
+    // sum has its last digit.
     while c.abs() > 1e-9 * a {
         (a, b, c) = (0.5 * (a + b), libm::sqrt(a * b), 0.5 * (a - b));
         power *= 2.0;

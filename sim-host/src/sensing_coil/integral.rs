@@ -42,9 +42,9 @@ impl CoilIntegral {
     }
 
     /// Adds an object that touches the upper slab, with a plane face of this reflection:
-    /// (μ − 1)/(μ + 1) for a permeable one, by the image method for a half-space, which is valid
-    /// for faces as wide as the coil and as thick as its radius. With MSE on one side, the object
-    /// is at the gap on the coil's other side.
+    /// (μ − 1)/(μ + 1) for a permeable one. This image method for a half-space is valid for faces
+    /// as wide as the coil and as thick as its radius. If MSE is on one side only, the object is on
+    /// the other side of the coil, at the gap.
     #[must_use]
     pub fn facing(self, reflection: f64) -> Self {
         Self {
@@ -53,9 +53,9 @@ impl CoilIntegral {
         }
     }
 
-    /// A coil as in [`Self::new`], with tracks of a width in m, above zero and at most the pitch,
-    /// and copper of 35 µm: the current is uniform over each section, not in a filament at its
-    /// centre, from which gaps count.
+    /// A coil as in [`Self::new`], with tracks `width_m` wide, above zero and at most the pitch, in
+    /// copper of 35 µm. The current is uniform over each track's section, not in a filament at its
+    /// centre; gaps count from that centre.
     #[must_use]
     pub fn of_tracks(design: CoilDesign, copper_m: Option<f64>, width_m: f64) -> Self {
         let tracks: Vec<f64> = design.radii_m().collect();
@@ -114,7 +114,7 @@ impl CoilIntegral {
         self.in_air_h + MU_0 * PI * integral
     }
 
-    /// F(k) at the gap.
+    /// Gain F(k) of the layers at the gap.
     fn layers(&self, k: f64, gap_m: f64) -> f64 {
         let CoilDesign {
             relative_permeability: mu,

@@ -1,14 +1,14 @@
 //! Effect of the bridge's edges on the oscillation of the sensing coil.
 //!
-//! The bridge switches some 62 500 times a second; one of its harmonics always lies within half of
-//! that from the resonance near 3 MHz. It induces a small voltage in the tank from coil to coil,
-//! and an oscillator under injection follows Adler's equation (Adler 1946; Razavi 2004). The phase
-//! φ of the oscillation relative to the interferer follows
+//! The bridge switches some 62 500 times a second, so one of its harmonics always lies within half
+//! of that from the resonance near 3 MHz. This harmonic induces a small voltage in the tank through
+//! the mutual inductance of the coils. An oscillator under injection follows Adler's equation
+//! (Adler 1946; Razavi 2004): the phase φ of the oscillation relative to the interferer follows
 //!
 //! dφ/dt = Δ − Λ sin φ,  Λ = (ω₀/2Q) V_tank/V_osc = ω₀ e/(2 V_osc)
 //!
 //! with Δ the difference between free oscillation and interferer, and e the induced voltage in
-//! series with the coil, which the resonance raises to V_tank = Q e. Within ±Λ the oscillation
+//! series with the coil, which the resonance raises to V_tank = Q e. For |Δ| up to Λ the oscillation
 //! locks; beyond, its mean frequency is off by Δ − √(Δ² − Λ²), and its phase oscillates by Λ/Δ.
 //!
 //! Only the nearest harmonic is modelled. Its neighbours are a whole switching frequency further
@@ -123,13 +123,13 @@ impl Interferer {
             length_s
         };
         let half = 0.5 * rate * left_s;
-        // cos or cosh, and sin or sinh over half the rate.
+        // cos or cosh of `half`, and sin or sinh divided by half the rate.
         let (even, odd) = if half < 1e-9 {
             (1.0, left_s)
         } else if beats {
             (libm::cos(half), 2.0 * libm::sin(half) / rate)
         } else {
-            // A common stretch of both components changes no direction.
+            // Division of both components by exp(half)/2 keeps the direction of v.
             let small = libm::exp(-2.0 * half);
             (1.0 + small, 2.0 * (1.0 - small) / rate)
         };
@@ -143,8 +143,8 @@ impl Interferer {
             cosine * next_sine - sine * next_cosine,
             cosine * next_cosine + sine * next_sine,
         ) / PI;
-        // A beating oscillation turns one way, by less than a cycle beyond the whole ones: a large
-        // turn backward is a small turn forward beyond half a cycle.
+        // Beating turns the phase one way only, here by up to a cycle. `atan2` covers ±1 cycle: a
+        // turn that rounding carries past a cycle appears as almost a cycle backward.
         let turned = if beats && turned * delta.signum() < -0.5 {
             turned + 2.0 * delta.signum()
         } else {

@@ -1,8 +1,8 @@
 //! Reflection of a coil's field at plane layers.
 //!
-//! A layer reflects a component exp(−kz) of the field G times as strong. In a static field the
-//! layers act as impedances in a line of "length" k·thickness, so any stack of layers folds from
-//! its far end to one reflection coefficient.
+//! A layer reflects the field component exp(−kz) with the coefficient G. In a static field the
+//! layers act like sections of a transmission line of "length" k·thickness, so any stack of layers
+//! reduces from its far end to one reflection coefficient.
 
 /// Reflection at a half-space of relative permeability `mu`, seen from air: 0.574 at 3.7.
 #[must_use]

@@ -89,8 +89,8 @@ impl CoilDesign {
         filaments::inductance_h(&radii_m, (0.5 * self.pitch_m(), COPPER_M))
     }
 
-    /// Inductance without MSE, H, with tracks of a width, m, above zero and at most the pitch, in
-    /// each pair of turns too. For the reference's tracks it is 0.2 % more.
+    /// Inductance without MSE, H, with tracks `width_m` wide (above zero, at most the pitch) in the
+    /// mutual inductances too. For the reference's tracks it is 0.2 % more.
     #[must_use]
     pub fn inductance_of_tracks_in_air_h(&self, width_m: f64) -> f64 {
         let radii_m: Vec<f64> = self.radii_m().collect();

@@ -1,12 +1,13 @@
 //! Mutual inductance of the drive coils and the sensing coil, through a plane of copper.
 //!
-//! Coaxial turns couple as M = μ0 π Σᵢ Σⱼ aᵢ bⱼ ∫₀^∞ J1(k aᵢ) J1(k bⱼ) e^(−k zⱼ) T(k) dk. A plane
-//! of conductivity σ and thickness t transmits the part
+//! Coaxial turns couple as M = μ0 π Σᵢ Σⱼ aᵢ bⱼ ∫₀^∞ J1(k aᵢ) J1(k bⱼ) e^(−k zⱼ) T(k) dk, with the
+//! radii aᵢ of the sensing coil and bⱼ of the drive coils at the distance zⱼ. A plane of
+//! conductivity σ and thickness t transmits, at the angular frequency ω, the part
 //!
 //! T(k) = 1/[cosh γt + ½ (γ/k + k/γ) sinh γt],  γ² = k² + jωμ0σ
 //!
-//! of a component (boundary conditions of A at both faces). The plane is infinite. Magnetic
-//! elastomer is left out; it raises mutual and own inductance of the drive coils alike.
+//! of each component (boundary conditions of A at both faces). The plane is infinite. Magnetic
+//! elastomer is left out, since it raises mutual and own inductance of the drive coils alike.
 
 use core::f64::consts::{PI, TAU};
 
@@ -42,7 +43,7 @@ pub fn drive_turns(above_m: f64) -> impl Iterator<Item = Turn> {
     })
 }
 
-/// Mutual inductance at a frequency, H, with a plane of copper of some thickness between the coils.
+/// Mutual inductance at a frequency, H, with a plane of copper of `copper_m` between the coils.
 #[must_use]
 pub fn mutual_inductance_h(
     sensing: &CoilDesign,

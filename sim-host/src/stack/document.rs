@@ -67,18 +67,18 @@ pub fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
 
 /// A table of a file.
 pub(super) trait Table: Sized {
-    /// Names of all its keys, which it must have.
+    /// Names of all its keys; each key is required.
     const NAMES: &'static [&'static str];
 
-    /// Reads it.
+    /// Reads the table's values.
     ///
     /// # Errors
     /// [`FileError`] for a value that is missing or refused.
     fn read(table: &TableSection<'_>) -> Result<Self, FileError>;
 }
 
-/// A table that is being read. The allowed keys are given when it is opened, so a misspelt key or
-/// one in another unit is reported as unknown, and the right one is not reported as missing.
+/// A table that is being read. The allowed keys are given when it is opened. A misspelt key, or one
+/// in another unit, is therefore reported as unknown before the correct key is reported missing.
 #[derive(Debug)]
 pub struct TableSection<'t> {
     file: &'t str,
@@ -124,8 +124,8 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// Refuses a table without several of these keys, with all their names. `remedy` says where to
-    /// find all keys. A single key that is missing is refused when it is read, with its range.
+    /// Refuses a table that lacks several of these keys, and names them all. `remedy` says where to
+    /// find all keys. A single missing key is refused when it is read, with its range.
     pub(super) fn require(&self, keys: &[&str], remedy: &str) -> Result<(), FileError> {
         let missing = keys.iter().copied().filter(|key| !self.has(key));
         let missing: Vec<&str> = missing.collect();
@@ -158,7 +158,7 @@ impl<'t> TableSection<'t> {
         self.table.contains_key(key)
     }
 
-    /// Reads a key that need not be there.
+    /// Reads an optional key; `None` if the key is missing.
     pub(crate) fn if_given<T>(
         &self,
         key: &str,
@@ -167,7 +167,7 @@ impl<'t> TableSection<'t> {
         self.has(key).then(|| read(key)).transpose()
     }
 
-    /// Refuses a key that does not belong to the others.
+    /// Refuses a key that does not fit the table's other keys.
     pub(crate) fn refuse(&self, key: &str, allowed: &str) -> Result<(), FileError> {
         self.if_given(key, |key| {
             self.value(key, allowed, |of| Err::<(), _>(kind(of)))
@@ -189,7 +189,7 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// The items of a list of at least `least`, each converted by `convert`.
+    /// The items of a list, at least `least` of them, each converted by `convert`.
     fn list<'s, T>(
         &'s self,
         key: &str,
@@ -216,7 +216,7 @@ impl<'t> TableSection<'t> {
         self.within(key, span, table, keys)
     }
 
-    /// A table within this one that is declared with its keys.
+    /// A table within this one, whose allowed keys its type declares.
     pub(super) fn table<T: Table>(&self, key: &str) -> Result<T, FileError> {
         T::read(&self.section(key, T::NAMES)?)
     }
@@ -314,7 +314,7 @@ impl<'t> TableSection<'t> {
         self.value(key, allowed, |value| text(value).and_then(parse))
     }
 
-    /// One of several names, each with what it stands for.
+    /// The value for the given name; `choices` has the allowed names with their values.
     ///
     /// # Errors
     /// [`FileError`] if it is missing or none of the names.

@@ -13,7 +13,7 @@ pub struct Key {
     pub meaning: &'static str,
 }
 
-/// Declares a table: first what is no quantity, with the way to read it; then its quantities.
+/// Declares a table: the fields that are no quantities, each with its reader, then the quantities.
 macro_rules! table {
     (
         $(#[$about:meta])*
@@ -33,7 +33,7 @@ macro_rules! table {
         }
 
         impl $table {
-            /// Keys of its quantities.
+            /// Keys of the table's quantities.
             pub const KEYS: [$crate::stack::Key; [$($key),+].len()] = [$(
                 $crate::stack::Key {
                     name: $key,
@@ -42,7 +42,7 @@ macro_rules! table {
                 },
             )+];
 
-            /// Its quantities, in the order of their keys.
+            /// The table's quantities, in the order of their keys.
             #[must_use]
             pub const fn quantities(&self) -> [$crate::stack::quantity::Quantity; Self::KEYS.len()] {
                 [$(self.$field),+]

@@ -62,7 +62,7 @@ impl Stack {
     /// Names of the stacks in this crate.
     pub const BUILTIN: [&'static str; 3] = ["paper", "soft-closed", "ultrasoft"];
 
-    /// One of [`Stack::BUILTIN`].
+    /// The stack of this name, one of [`Stack::BUILTIN`].
     ///
     /// # Errors
     /// [`FileError`] for any other name.

@@ -1,9 +1,9 @@
 //! Plant, press and coil current together, on a virtual clock.
 //!
-//! The state moves in steps of at most a millisecond, which end wherever an input has a kink.
-//! Creep, lag and heat advance by rules that are exact or conserve energy over any step, and the
-//! balance of forces is solved at the end of the step. Between two ends the frequency of the
-//! sensing coil is a cubic, so a converter may read it at any time.
+//! The state advances in steps of at most a millisecond; a step also ends where an input has a
+//! kink. Creep, lag and heat advance by rules that are exact or conserve energy over any step, and
+//! the balance of forces is solved at the end of the step. Within a step the frequency of the
+//! sensing coil is a cubic in time, so a converter may read it at any time.
 //!
 //! The result does not depend on how the caller divides time: [`World::advance`] by ten times
 //! 0.1 ms or once by 1 ms gives the same bits. Only [`World::set_current`] and the other inputs end a
@@ -98,7 +98,7 @@ pub struct World {
     plant: Plant,
     inputs: Inputs,
     now: Time,
-    /// The last node at or before now, and all later ones.
+    /// The last computed state at or before now, and all later ones.
     states: VecDeque<PlantState>,
     history: History,
     adc_noise: Stream,
@@ -183,9 +183,9 @@ impl World {
 
     // ---- inputs ----
 
-    /// Sets the coil's current, A, at once. It is limited to the hardware limit, 1.5 times the
-    /// stack's peak current, and to the current that the supply can drive. NaN and infinite values
-    /// count as zero.
+    /// Sets the coil's current, A, at once. It is limited to the hardware limit, which is 1.5 times
+    /// the stack's peak current, and to the current that the supply can drive. NaN and infinite
+    /// values count as zero.
     pub fn set_current(&mut self, current_a: f64) {
         self.hold(Command::constant(sound(current_a)));
     }
@@ -230,8 +230,8 @@ impl World {
         });
     }
 
-    /// Sets the ambient temperature to `change_k` above that of calibration, K, within the allowed
-    /// 50. The change acts whether the world's own change is enabled or not.
+    /// Sets the ambient temperature to `change_k` above that of calibration, K, limited to ±50. The
+    /// change acts whether the world's own change is enabled or not.
     pub fn set_ambient(&mut self, change_k: f64) {
         let change_k = sound(change_k).clamp(-50.0, 50.0);
         self.interrupt(|_, _| {});
@@ -266,8 +266,8 @@ impl World {
         }
     }
 
-    /// State after the next step. A step in which contact is made or lost ends there, so no step
-    /// has a kink inside.
+    /// State after the next step. A step in which contact is made or lost ends at that time, so no
+    /// step has a kink inside.
     fn next_state(&self, last: &PlantState) -> PlantState {
         let end = (last.time + self.plant.usual_step()).min(self.inputs.next_knot(last.time));
         let next = self.plant.step(&self.inputs, last, end);

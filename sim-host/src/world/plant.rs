@@ -38,7 +38,7 @@ impl Inputs {
     }
 }
 
-/// Full state: the future depends on nothing else but the inputs.
+/// Full state: together with the inputs, it determines the future.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PlantState {
     pub(super) time: Time,
@@ -57,8 +57,8 @@ pub(super) struct PlantState {
     pub(super) conditions: ChainConditions,
     pub(super) chain: ChainState,
     pub(super) energy: Energy,
-    /// Whether contact is just being made or lost, so that the next step may start in the other
-    /// state of contact.
+    /// Whether contact is just being made or lost: the next step may then start in the other
+    /// contact state.
     pub(super) touching: bool,
 }
 
@@ -307,7 +307,7 @@ impl Slopes {
         Self {
             current: slope(from.effective_a, to.effective_a),
             stiffening: slope(from.stiffening, to.stiffening),
-            // The profile alone: shaking has its own velocity.
+            // Profile and jumps only: shaking has its own velocity.
             press: slope(inputs.press_m(from.time), inputs.press_m(to.time)),
             growth: slope(before.growth_m, after.growth_m),
             opening: slope(from.chain.opening_m, to.chain.opening_m),

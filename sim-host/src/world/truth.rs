@@ -114,8 +114,8 @@ impl Truth {
         taken - self.press_m - self.growth_m - self.opening_m
     }
 
-    /// Differences between the forces of the springs along the chain, N; zero except for rounding:
-    /// those of the sensing layer and of the actuated layer from their balance.
+    /// Excess of the spring forces of sensing and actuated layer over the forces that balance
+    /// requires, N; zero except for rounding.
     #[must_use]
     pub fn force_imbalance_n(&self) -> [f64; 2] {
         let sensing_n = self.sensing_spring_n_per_m * (self.sensing_m - self.sensing_creep_m);
