@@ -99,8 +99,8 @@ impl Instrument {
                     nonlinearity_lsb: current.nonlinearity_lsb,
                     nonlinearity_phase: current.nonlinearity_phase,
                     noise_lsb: current.noise_lsb,
-                    // The world already gives the current measurement a non-linearity, with which
-                    // the bench has calibrated.
+                    // The world's own non-linearity of the current measurement applies instead: the
+                    // bench has calibrated with it.
                     wide_codes: false,
                     ..options.drive.converter
                 },
@@ -143,8 +143,8 @@ impl Instrument {
 
     /// Runs the board for a duration; the bytes on its channels stay there.
     ///
-    /// Equivalent to [`EmulatedBoard::run_for`], which is generic and would be compiled with its
-    /// caller: a third as fast in an unoptimised program.
+    /// Equivalent to [`EmulatedBoard::run_for`]. That function is generic and compiled with its
+    /// caller, so it would be a third as fast in an unoptimised program.
     ///
     /// # Errors
     /// [`Stop`] where the emulation cannot continue.

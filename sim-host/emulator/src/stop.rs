@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-/// An access or event that the emulated board cannot handle. It never guesses: anything that is not
-/// modelled ends the run here.
+/// An access or event that the emulated board cannot handle. The emulator never guesses: whatever
+/// is not modelled ends the run here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// An access to a register that is not modelled.

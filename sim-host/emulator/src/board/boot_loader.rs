@@ -87,10 +87,10 @@ impl<P: Plant> EmulatedBoard<P> {
 
     /// Writes a UF2 as the boot loader's drive does, block by block, in the time that the flash
     /// needs; the transfer time on the bus is left out. Blocks for other chips are skipped. As in
-    /// the boot ROM, the first block to arrive of sixteen consecutive block numbers erases its
-    /// sector, which is right for files of whole sectors such as [`crate::Image::to_uf2`] makes.
-    /// After the last block of a file the board restarts from the flash; before that, it stays in
-    /// the boot loader.
+    /// the boot ROM, the first block that arrives out of each sixteen consecutive block numbers
+    /// erases its sector; this is correct for files of whole sectors, such as those of
+    /// [`crate::Image::to_uf2`]. After the last block of a file the board restarts from the flash;
+    /// until then it stays in the boot loader.
     ///
     /// # Errors
     /// [`Uf2Error`].

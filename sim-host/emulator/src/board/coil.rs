@@ -19,9 +19,9 @@ const REPORT_PS: u64 = 32_000_000;
 const REPORTS_PER_READING: u64 = 4;
 /// Interval, ps, at which the plant's conditions are read while there is no current.
 const IDLE_PS: u64 = 1_000_000_000;
-/// Ratio of the coil's supply to the voltage at its ADC input: a divider of 100 kiloohm over 10
-/// kiloohm. Below, the time constant of the divider with its capacitor, s.
+/// Ratio of the coil's supply to the voltage at its ADC input: a divider of 100 over 10 kiloohm.
 const SUPPLY_RATIO: f64 = 11.0;
+/// Time constant of the supply's divider with its capacitor, s.
 const SUPPLY_TAU_S: f64 = 1e-3;
 /// Factor on the bridge's current limit while the bridge's self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
@@ -48,7 +48,7 @@ pub struct BridgeCircuit {
     pub converter: ConverterParameters,
     /// Fixed output of the current amplifier, V, if it is stuck or frozen.
     pub amplifier_v: Option<f64>,
-    /// Voltage that replaces the next sample of the current and no other, V.
+    /// Voltage that replaces only the next sample of the current, V.
     pub wild_v: Option<f64>,
     /// Fixed voltage of the thermistor input, V: 3.3 for an open thermistor, 0 for a short.
     pub thermistor_v: Option<f64>,
@@ -91,7 +91,7 @@ pub(crate) struct EmulatedCoil {
     /// Coil and supply, as last read from the plant.
     conditions: PlantConditions,
     now_ps: u64,
-    /// Time of the last report to the plant; below, the circuit's sums at that time.
+    /// Time of the last report to the plant; `reported` has the circuit's sums at that time.
     reported_ps: u64,
     reported: Totals,
 }
@@ -162,13 +162,13 @@ impl EmulatedCoil {
         self.circuit.is_limiting() || self.circuit.is_waking() || self.drive.bridge_faults
     }
 
-    /// Whether no current flows and none can.
+    /// Whether no current flows and the bridge is asleep.
     fn is_idle(&self) -> bool {
         !self.inputs.awake && self.circuit.current_a() == 0.0
     }
 
-    /// Time of the next report to the plant: not before the circuit's present time, which may be
-    /// late where the bridge has just woken.
+    /// Time of the next report to the plant, but not before the circuit's present time, which may
+    /// be later if the bridge has just woken.
     pub(crate) fn report_ps(&self) -> u64 {
         let period_ps = if self.is_idle() { IDLE_PS } else { REPORT_PS };
         (self.reported_ps + period_ps).max(self.now_ps)
@@ -181,7 +181,7 @@ impl EmulatedCoil {
         if let Some((mean_a, ripple_a)) = self.current_since_report() {
             let now = Time::from_ps(now_ps);
             chip.advance_to(now);
-            // The plant's time is still that of the last report.
+            // The plant's time is still that of the last report, so this current acts since then.
             let plant = chip.sensors_mut();
             plant.set_current(mean_a, ripple_a);
             plant.advance_to(now);

@@ -115,7 +115,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         self.first.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
     }
 
-    /// A byte to the master.
+    /// Reads a byte for the master.
     pub(crate) fn read(&mut self, now: Time, ack: Ack) -> u8 {
         // Wired AND: an unaddressed converter leaves the wire high.
         let second = self.second.as_mut().map(|chip| chip.read(now, ack));
@@ -129,7 +129,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         }
     }
 
-    /// A pulse of SCL outside of a transfer.
+    /// Sends a pulse of SCL outside of a transfer.
     pub(crate) fn clock_pulse(&mut self, now: Time) {
         self.first.clock_pulses(now, 1);
         if let Some(second) = &mut self.second {

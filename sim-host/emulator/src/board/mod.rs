@@ -46,11 +46,11 @@ const WFI: u32 = 0xBF30;
 /// Duration of boot ROM and second stage, from a reset to the image's first instruction, with the
 /// ring oscillator as after power on. Guess.
 const BOOT: Time = Time::from_ms(2);
-/// Number of the boot ROM's attempts to find a second stage before it starts its loader. Below, the
-/// duration of one attempt with the ring oscillator as after power on (RP2040 datasheet 2.8.1: half
-/// a second in total; the ROM's source, `bootrom_main.c`): an attempt reads and sums 252 bytes, at
-/// the clock that it finds.
+/// Number of the boot ROM's attempts to find a second stage before it starts its loader (RP2040
+/// datasheet 2.8.1: half a second in total; the ROM's source, `bootrom_main.c`).
 const BOOT_ATTEMPTS: u32 = 128;
+/// Duration of one attempt, which reads and sums 252 bytes, with the ring oscillator as after power
+/// on: it depends on the clock that it finds.
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
 
 /// Number of resets since the board's first power on.
@@ -291,8 +291,8 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// Advances time while the next instruction is fetched, during which other events happen, and
-    /// returns the fetch's cycles. The instruction takes effect afterwards.
+    /// Advances time by the wait cycles of the next instruction's fetch, processes the events in
+    /// that time, and returns these cycles. The instruction takes effect afterwards.
     #[inline]
     fn fetch(&mut self) -> u64 {
         self.bus.stall = 0;
@@ -400,7 +400,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- the debug probe ----
 
-    /// Reads a result from the ADC's FIFO, as a debug probe does that shows the ADC's registers.
+    /// Reads a result from the ADC's FIFO, as a debug probe does when it shows the ADC's registers.
     pub fn read_adc_fifo(&mut self) -> u16 {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.adc_mut().take_from_fifo()
@@ -451,7 +451,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     /// The flash chip, to inject faults or to replace its contents.
     pub const fn flash_mut(&mut self) -> &mut Flash {
-        // A change takes effect before the next instruction but one.
+        // The change takes effect before the instruction after the next one.
         self.bus.next_event_ps = 0;
         &mut self.bus.memory.flash
     }

@@ -15,9 +15,9 @@ pub struct Options {
     pub seed: u64,
     /// Duration of erasing and programming the flash.
     pub flash_times: FlashTimes,
-    /// Cycles to fetch an uncached line of flash. 400 ns for a word, 50 cycles, were measured at
-    /// 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in the same
-    /// transfer, eight nibbles at half the processor's clock.
+    /// Cycles to fetch an uncached line of flash. The first word takes 50 cycles: 400 ns, measured
+    /// at 125 MHz (oberon-rtk.org, "Flash Memory"). The second word follows in the same transfer:
+    /// eight nibbles at half the processor's clock.
     pub miss_cycles: u32,
     /// Rise time of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,

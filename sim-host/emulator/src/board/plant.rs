@@ -10,9 +10,9 @@ use palpate_sim::world::World;
 pub struct PlantConditions {
     /// Temperature of the coil's thermometer, degrees Celsius.
     pub coil_c: f64,
-    /// No-load supply of the coil, V, with its resistance, ohm.
+    /// Voltage of the coil's supply without load, V.
     pub supply_v: f64,
-    /// See [`supply_v`](Self::supply_v).
+    /// Resistance of the coil's supply, ohm.
     pub supply_ohm: f64,
     /// Resistance of the coil at its present temperature, ohm.
     pub coil_ohm: f64,

@@ -1,5 +1,5 @@
-//! What firmware must not get away with in flash, boot ROM and boot loader, on a board without
-//! firmware; and what no image of the tests comes to.
+//! Misuse of flash, boot ROM and boot loader ends the run with its reason, on a board without
+//! firmware. Also covers states that no test with an image reaches.
 
 use ldc161x_sim::Settings;
 use rp2040_emu::core::CoreBus;
@@ -75,7 +75,7 @@ fn load(board: &mut Board, address: u32) -> (u32, u32) {
     (word, board.bus.stall)
 }
 
-/// Reason for the end of the run, if it has ended; the run may go on.
+/// Reason why the run has stopped, empty if it has not; clears the reason.
 fn stopped(board: &mut Board) -> String {
     let stop = board.bus.stop.take();
     stop.map(|stop| stop.to_string()).unwrap_or_default()
@@ -181,7 +181,7 @@ fn each_window_of_the_flash_goes_its_way_past_the_cache() {
     board.flash_mut().flip_bit(0x1003, 0);
     assert_eq!(load(&mut board, FLASH + 0x1000), (0xFEFF_FFFF, 66));
     assert_eq!(load(&mut board, FLASH + 0x1004).1, 0);
-    // Past the cache: cached content is used, without filling another line; a word alone.
+    // Window without allocation: a hit costs 0 cycles; a miss reads one word and fills no line.
     assert_eq!(load(&mut board, 0x1100_1000).1, 0);
     assert_eq!(load(&mut board, 0x1100_2000).1, 50);
     assert_eq!(load(&mut board, 0x1100_2000).1, 50);
@@ -238,7 +238,7 @@ fn misuse_of_the_controller_ends_the_run_with_its_reason() {
 #[test]
 fn a_command_to_flash_in_continuous_read_ends_the_run() {
     let mut board = board();
-    // The registers set the format of byte transfers, but nothing has ended XIP mode.
+    // The registers set the format of byte transfers, but XIP mode has not been ended.
     for (address, value) in [
         (SSI + 8, 0),
         (SSI, 7 << 16),
@@ -254,7 +254,7 @@ fn a_command_to_flash_in_continuous_read_ends_the_run() {
 
 // ---- resets ----
 
-/// The boot ROM waits for the flash by the ring oscillator, which the watchdog may spare.
+/// The ring oscillator times the boot ROM's wait for the flash; a reset may leave it as set.
 #[test]
 fn a_reset_in_an_erase_that_lasts_too_long_ends_in_the_boot_loader() {
     for (divider, waits) in [
@@ -353,7 +353,7 @@ fn power_cut_at_any_operation_of_an_update_ends_in_the_boot_loader_or_in_a_whole
         );
         assert_eq!(board.resets().power, 1);
         if !board.is_in_boot_loader() {
-            // The second stage is present, and its page was the first.
+            // Operation 0 erases the sector, operation 1 programs the page of the second stage.
             assert!(number > 1, "{number}");
             board.core.halt();
             board.start_boot_loader(0);

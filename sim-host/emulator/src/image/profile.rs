@@ -84,7 +84,7 @@ pub struct Profile {
     is_shared: Vec<bool>,
     handlers: BTreeMap<u32, Handler>,
     runs: Vec<HandlerRun>,
-    /// Pending interrupts, one bit each; below, the time since which each is pending.
+    /// Pending interrupts, one bit each; `pending_since` has the times since when they are pending.
     pending: u32,
     pending_since: [Time; 32],
 }

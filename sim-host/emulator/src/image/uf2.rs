@@ -12,12 +12,12 @@ pub(crate) const PAYLOAD: usize = PAGE;
 const FIRST_MAGIC: u32 = 0x0A32_4655;
 const SECOND_MAGIC: u32 = 0x9E5D_5157;
 const LAST_MAGIC: u32 = 0x0AB1_6F30;
-/// Flag of a block that is not for the main flash; below, of a block with a family ID.
+/// Flags of a block: not for the main flash; with a family ID.
 const NOT_MAIN_FLASH: u32 = 1;
 const HAS_FAMILY: u32 = 0x2000;
 /// Family ID of the RP2040 (2.8.4.2).
 const FAMILY: u32 = 0xE48B_FF56;
-/// Offset of the payload in a block; below, of the last magic number.
+/// Offsets in a block: of the payload, and of the last magic number.
 const HEADER: usize = 32;
 const LAST: usize = 508;
 

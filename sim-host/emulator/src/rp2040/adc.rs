@@ -26,12 +26,12 @@ const FIFO_DEPTH: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Adc {
     control: u32,
-    /// Settings of FCS; below, its two sticky flags.
+    /// Settings of FCS; `fifo_flags` has its two sticky flags.
     fifo_control: u32,
     fifo_flags: u32,
     fifo: VecDeque<u16>,
-    /// Start of the continuous conversions; below, the ADC's clock and the number of conversions
-    /// sampled since then.
+    /// Start of the continuous conversions; `clock_hz` is the ADC's clock, `sampled` the number of
+    /// conversions sampled since the start.
     began_ps: u64,
     clock_hz: f64,
     sampled: u64,
@@ -108,8 +108,8 @@ impl Adc {
         ((self.fifo_control & THRESHOLD) >> 24) as usize
     }
 
-    /// Whether DMA is requested: while the FIFO has as many results as the threshold, so always for
-    /// a threshold of zero (4.9.2.5).
+    /// Whether DMA is requested: while the FIFO has at least as many results as the threshold. A
+    /// threshold of zero therefore always requests (4.9.2.5).
     pub(crate) fn asks_dma(&self) -> bool {
         self.fifo_control & ASK_DMA != 0 && self.fifo.len() >= self.threshold()
     }

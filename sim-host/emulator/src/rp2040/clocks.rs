@@ -3,8 +3,8 @@
 use crate::rp2040::base;
 use crate::time::periods_ps;
 
-/// Frequency of the ring oscillator after reset, behind its divider of 16, Hz: 1.8 to 12 MHz,
-/// typically 6.5 MHz (2.17.1). Below, that divider.
+/// Frequency of the ring oscillator after reset, behind its divider of 16 (`RING_DIVIDER`), Hz: 1.8
+/// to 12 MHz, typically 6.5 MHz (2.17.1).
 const RING_HZ: f64 = 6.5e6;
 const RING_DIVIDER: u32 = 16;
 /// Key in a write to the divider of the ring oscillator (2.17.8).
@@ -15,8 +15,8 @@ const ENABLE: u32 = 1 << 11;
 /// Allowed clock of the USB controller of a device at full speed, Hz (USB 2.0 7.1.11: 12 Mbit/s
 /// within 0.25 %).
 const USB_HZ: std::ops::RangeInclusive<f64> = 47.88e6..=48.12e6;
-/// Fastest system clock for which the chip is certified, Hz, and below, the fastest one at the
-/// initial core voltage (datasheet 2.15.1). Both have a margin for the crystal's error.
+/// Fastest system clock for which the chip is certified, and the fastest one at the initial core
+/// voltage, Hz (datasheet 2.15.1). Both have a margin for the crystal's error.
 const FASTEST_HZ: f64 = 200.1e6;
 pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
 

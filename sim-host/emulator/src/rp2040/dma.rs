@@ -17,7 +17,7 @@ const FIFO: u32 = 0x4004_C00C;
 struct DmaChannel {
     read: u32,
     write: u32,
-    /// Number of transfers left; below, the number that a trigger reloads.
+    /// Number of transfers left; a trigger reloads it from `count`.
     left: u32,
     count: u32,
     control: u32,

@@ -29,7 +29,7 @@ pub(crate) struct Gpio {
     pads: [u32; PINS],
     out: u32,
     enabled: u32,
-    /// Levels driven from outside, one bit per pin; below, the mask of the pins driven.
+    /// Levels driven from outside, one bit per pin; `driven` marks the driven pins.
     outside: u32,
     driven: u32,
     /// Levels of the pins at the last edge detection.

@@ -405,7 +405,7 @@ impl I2c {
     }
 
     fn end_stop<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
-        // SDA and SCL cannot rise while something holds them: until then there is no STOP.
+        // A STOP needs both wires high: it waits while another part holds SDA or SCL low.
         if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
             self.due_ps = Some(now_ps + POLL_PS);
             return;

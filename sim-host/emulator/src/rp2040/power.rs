@@ -21,8 +21,8 @@ pub(crate) mod block {
     pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
 }
 
-/// Value of PSM.WDSEL that selects all blocks but the oscillators, as the SDK sets it before it
-/// uses the watchdog; below, the bit of the ring oscillator.
+/// Value of PSM.WDSEL that selects all blocks except the oscillators, as the SDK sets it before it
+/// uses the watchdog. `RING` is the bit of the ring oscillator.
 const EVERYTHING: u32 = 0x1_FFFC;
 const RING: u32 = 1 << 0;
 const POWER_ON: u32 = 1 << 8;
@@ -36,13 +36,13 @@ const REGULATES: u32 = 1 << 12;
 const RAISED: u32 = 0xC;
 /// Value of VSEL for 1.20 V: above it the core exceeds its operating conditions (5.6, 1.21 V).
 const HIGHEST: u32 = 0xD;
-/// Volts per step of VREG's VSEL; below, volts at VSEL 0, and the relative amount by which the
-/// regulator's output may be lower (2.10.3, 2.10.6).
+/// VREG: volts per step of VSEL, volts at VSEL 0, and the relative amount by which the regulator's
+/// output may be lower (2.10.3, 2.10.6).
 const STEP_V: f64 = 0.05;
 const LOWEST_V: f64 = 0.55;
 const REGULATOR_ERROR: f64 = 0.03;
-/// Value of BOD, the brown-out detection, after power on: enabled, at 0.86 V. Below, its enable
-/// bit, volts per step of its VSEL, and volts at VSEL 0 (2.12.3, 2.12.8).
+/// BOD, the brown-out detection: its value after power on (enabled, at 0.86 V), its enable bit,
+/// volts per step of its VSEL, and volts at VSEL 0 (2.12.3, 2.12.8).
 const DETECTION_AT_START: u32 = 0x91;
 const DETECTION_ENABLED: u32 = 1;
 const DETECTION_STEP_V: f64 = 0.043;
@@ -133,7 +133,7 @@ impl Power {
         self.watchdog_restarts = EVERYTHING;
     }
 
-    /// Whether a watchdog reset includes everything possible.
+    /// Whether a watchdog reset includes all blocks of `EVERYTHING`.
     pub(crate) fn watchdog_resets_all(&self) -> bool {
         self.watchdog_restarts & EVERYTHING == EVERYTHING
     }

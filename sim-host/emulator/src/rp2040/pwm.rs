@@ -18,7 +18,7 @@ pub struct LevelTimes {
     pub late: u64,
     /// Shortest time from a write in the second half of a cycle to the wrap.
     pub least_left: Time,
-    /// Longest interval between two writes: above one and a half cycles, one was left out.
+    /// Longest interval between two writes; above one and a half cycles, a write was left out.
     pub longest_gap: Time,
     last: Option<Time>,
 }
@@ -161,7 +161,7 @@ impl Slice {
         self.compare = self.next_compare;
     }
 
-    /// Counter steps left until the wrap, and those of half a cycle.
+    /// Counter steps left until the wrap, and counter steps in half a cycle.
     fn left_at(&self, now_ps: u64, sys_hz: f64) -> (u64, u64) {
         let cycle = self.cycle();
         (cycle - self.position_at(now_ps, sys_hz), cycle / 2)

@@ -7,7 +7,7 @@ pub(crate) struct Watchdog {
     pauses: u32,
     /// Time at which the watchdog expires.
     due_ps: Option<u64>,
-    /// Time of the last feeding; below, the longest interval between two feedings.
+    /// Time of the last feeding; `longest_unfed_ps` is the longest interval between two feedings.
     fed_ps: Option<u64>,
     longest_unfed_ps: u64,
     left: u32,

@@ -17,7 +17,7 @@ const ENDS_FRAME_PS: core::ops::RangeInclusive<u64> = 800_000_000..=998_000_000;
 
 /// MAIN_CTRL: the controller is enabled.
 const ENABLED: u32 = 1;
-/// USB_MUXING: TO_PHY; below, SOFTCON, which is set with it.
+/// USB_MUXING: TO_PHY alone, and with SOFTCON, which is set together with it.
 const TO_PHY: u32 = 1;
 const MUXING: u32 = 0b1001;
 /// USB_PWR: VBUS_DETECT with its override.
@@ -172,8 +172,8 @@ impl UsbController {
         }
     }
 
-    /// Whether the controller's pull-up signals a full-speed device. It does not without VBUS,
-    /// which no pin provides on a Raspberry Pi Pico; that is a guess.
+    /// Whether the controller's pull-up signals a full-speed device. Without VBUS, which no pin
+    /// provides on a Raspberry Pi Pico, it does not; that is a guess.
     pub(crate) const fn is_attached(&self) -> bool {
         self.main & ENABLED != 0
             && self.muxing & TO_PHY != 0
@@ -192,7 +192,7 @@ impl UsbController {
 
     // ---- the bus ----
 
-    /// Time at which its view of the bus next changes without an access.
+    /// Time at which the controller's view of the bus next changes without an access.
     pub(crate) fn next_event(&self) -> Option<u64> {
         let suspends_ps = (self.is_attached() && !self.suspended && self.line == LineState::J)
             .then_some(self.idle_ps + SUSPENDS_PS);

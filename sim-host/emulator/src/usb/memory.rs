@@ -33,8 +33,8 @@ pub(crate) mod buffer {
 #[derive(Clone, Copy, Debug, Default)]
 struct Half {
     seen: u16,
-    /// The half's bits other than AVAILABLE before their last change; below, the time of that
-    /// change.
+    /// The half's bits other than AVAILABLE, before their last change; `changed_ps` is the time of
+    /// that change.
     before: u16,
     changed_ps: Option<u64>,
     /// Time at which the half was last made available.

@@ -20,8 +20,7 @@ const NOTHING: u8 = 0xFF;
 
 /// Answer to command 9Fh: manufacturer, memory type and capacity (datasheet).
 const JEDEC_ID: [u8; 3] = [0xEF, 0x40, 0x15];
-/// Bit of status register 1 while an operation runs; below, while writing is enabled (datasheet,
-/// status registers).
+/// Bits of status register 1: an operation runs; writing is enabled (datasheet, status registers).
 const BUSY: u8 = 1 << 0;
 const WRITE_ENABLED: u8 = 1 << 1;
 /// Value of status register 2: quad enabled, the factory setting of a Pico's part (datasheet,
@@ -99,7 +98,7 @@ impl Flash {
         }
     }
 
-    /// Chip select rises, which starts a command that changes anything.
+    /// Chip select rises: starts the command if it changes the flash or its state.
     pub(crate) fn deselect(&mut self, now_ps: u64) {
         let Some(transfer) = self.transfer.take() else {
             return;

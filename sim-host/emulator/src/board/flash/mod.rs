@@ -98,8 +98,8 @@ pub struct Flash {
     power_fails_ps: Option<u64>,
     running: Option<Running>,
     write_enabled: bool,
-    /// In continuous read: the next read's address comes without a command (datasheet, command
-    /// EBh).
+    /// Whether the flash is in continuous read: the next read's address comes without a command
+    /// (datasheet, command EBh).
     is_continuous: bool,
     transfer: Option<Transfer>,
     /// Whether the flash's contents have changed since the last query.

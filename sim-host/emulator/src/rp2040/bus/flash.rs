@@ -25,13 +25,13 @@ const STAT: u32 = 0x8;
 const ENABLED: u32 = 0b11;
 /// Value of STAT: a flush is complete, and nothing is streamed.
 const READY: u32 = 0b11;
-/// Offset of the watchdog's scratch register that requests a start at an address in other scratch
-/// registers; below, its value for that (2.8.1.1).
+/// Offset of the watchdog's scratch register that requests a start at an address given in other
+/// scratch registers, and its value for this request (2.8.1.1).
 const DIRECT_BOOT_SCRATCH: u32 = 0x1C;
 const DIRECT_BOOT: u32 = 0xB007_C0D3;
 /// Mode bits that keep the flash in continuous read, as the second stage sends them.
 const CONTINUOUS: u8 = 0xA0;
-/// Bytes of the second stage; below, of the checksum at its end (2.8.1.3).
+/// Bytes of the second stage, and of the checksum at its end (2.8.1.3).
 const SECOND_STAGE: u32 = 256;
 const CHECKSUM: u32 = 4;
 
@@ -106,7 +106,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// The cache stays enabled and keeps its errors: its use as memory is not modelled.
+    /// Writes a cache register. CTRL must keep its reset value: use as memory is not modelled.
     fn write_cache(&mut self, address: u32, value: u32) -> Option<()> {
         let control = match address >> 12 & 0b11 {
             0 => value,

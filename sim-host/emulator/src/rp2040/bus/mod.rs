@@ -35,8 +35,8 @@ use crate::time::Clock;
 use crate::trace::Trace;
 use crate::usb::{self, Usb};
 
-/// Wait cycles of a read at the APB bridge; below, of a write: one for the access's second cycle,
-/// plus one for a read and two for a write (datasheet 2.1.3).
+/// Wait cycles at the APB bridge of a read and of a write: one for the access's second cycle, plus
+/// one for a read and two for a write (datasheet 2.1.3).
 const APB_READ_CYCLES: u32 = 2;
 const APB_WRITE_CYCLES: u32 = 3;
 /// The processor's clock after a reset, Hz: the ring oscillator.
@@ -48,8 +48,8 @@ pub(crate) struct SystemBus<P> {
     pub(crate) memory: Memory,
     pub(crate) private: Private,
     pub(crate) clock: Clock,
-    /// Address of the present instruction; below, the instruction's wait cycles for memory and
-    /// registers.
+    /// Address of the present instruction; `stall` counts this instruction's wait cycles for memory
+    /// and registers.
     pc: u32,
     pub(crate) stall: u32,
     pub(crate) stop: Option<Stop>,

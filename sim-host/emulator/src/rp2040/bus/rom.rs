@@ -22,7 +22,7 @@ const WATCHDOG_SCRATCH: [u32; 2] = [0x0C, 0x10];
 const WATCHDOG_TICK: u32 = 0x2C;
 const WATCHDOG_ENABLE: u32 = 1 << 30;
 /// Value of TICK for a tick of 12 cycles of the crystal, to which the boot ROM switches the
-/// reference clock; below, the crystal's frequency, Hz.
+/// reference clock, and the crystal's frequency, Hz.
 const TICK_OF_12: u32 = 1 << 9 | 12;
 const CRYSTAL_HZ: f64 = 12e6;
 

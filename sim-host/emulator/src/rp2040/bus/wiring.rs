@@ -10,8 +10,8 @@ use crate::trace::{Signal, SignalValue};
 
 use super::SystemBus;
 
-/// Number of conversions that fill the ring buffer in memory behind the ADC, whatever its size:
-/// where no interrupt reads each result, only that many last conversions are made.
+/// Number of conversions that fill the ring buffer behind the ADC, whatever its size. If no
+/// interrupt reads each result, only this many of the last conversions are made.
 const LAST_CONVERSIONS: u64 = 16;
 
 impl<P: Plant> SystemBus<P> {
@@ -22,7 +22,7 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
-    /// Updates the outside from the pins, and the pins from the outside.
+    /// Passes the pins' levels to the external parts, and the external levels to the pins.
     pub(super) fn follow_pins(&mut self) {
         let now_ps = self.clock.now_ps();
         self.follow_interrupt(now_ps);

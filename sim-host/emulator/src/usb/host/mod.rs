@@ -30,7 +30,7 @@ const DEBOUNCE: Time = Time::from_ms(100);
 const RESET: Time = Time::from_ms(10);
 /// Time after a reset in which a device need not answer (USB 2.0 7.1.7.5).
 const RESET_RECOVERY: Time = Time::from_ms(10);
-/// Duration of a resume; below, the device's recovery time after it (USB 2.0 7.1.7.7).
+/// Duration of a resume, and the device's recovery time after it (USB 2.0 7.1.7.7).
 const RESUME: Time = Time::from_ms(20);
 const RESUME_RECOVERY: Time = Time::from_ms(10);
 /// Recovery time after SET_ADDRESS (USB 2.0 9.2.6.3).
@@ -252,8 +252,8 @@ impl UsbHost {
     }
 
     /// Appends a control transfer to the queue, which waits during an enumeration.
-    /// [`take_results`](Self::take_results) returns its result. The host takes account of a
-    /// SET_ADDRESS, a SET_CONFIGURATION and a CLEAR_FEATURE that it sends.
+    /// [`take_results`](Self::take_results) returns its result. A SET_ADDRESS, SET_CONFIGURATION or
+    /// CLEAR_FEATURE also changes the host's own state of the device.
     pub fn submit(&mut self, transfer: ControlTransfer) -> TransferId {
         let id = TransferId(self.submitted);
         self.submitted += 1;

@@ -21,10 +21,10 @@ const CONFIGURATION: [u8; 46] = [
     7, 5, 0x02, 2, 64, 0, 0, //
 ];
 
-/// Index of endpoint 2's IN; below, of its OUT.
+/// Indices of endpoint 2: IN, OUT.
 pub(super) const INPUT: u32 = 4;
 pub(super) const OUTPUT: u32 = 5;
-/// Offset of the buffer of endpoint 2's IN; below, of its OUT.
+/// Offsets of the buffers of endpoint 2: IN, OUT.
 pub(super) const INPUT_BUFFER: u32 = 0x200;
 const OUTPUT_BUFFER: u32 = 0x280;
 
@@ -48,7 +48,7 @@ impl Device {
         bench.write(BUFFERS, 0b11);
         self.in_data1 = true;
         let length = usize::from(packet[6]);
-        // In the other direction come the data or the status.
+        // Arms endpoint 0 OUT for the host's data or status.
         if length > 0 {
             bench.arm(1, buffer::DATA1 | 64);
         }

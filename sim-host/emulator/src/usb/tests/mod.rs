@@ -1,5 +1,5 @@
-//! Controller and host, driven by hand-written register accesses: what a wrong driver must not get
-//! away with. What a right one needs, the image shows.
+//! Controller and host, driven by hand-written register accesses: a wrong driver must fail here as
+//! on the chip. The tests with the image cover a correct driver.
 
 mod bench;
 mod device;
