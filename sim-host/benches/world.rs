@@ -51,7 +51,7 @@ fn plant_alone(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Making a world whose coil is known, as a campaign does for every plant.
+/// Builds a world whose coil curve is cached, as a campaign does for every plant.
 #[divan::bench]
 fn new_world(bencher: Bencher<'_, '_>) {
     let stack = Stack::builtin("ultrasoft").expect("it comes with the crate");
@@ -67,7 +67,7 @@ fn new_world(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// The integral of a new coil.
+/// Builds the curve of a new coil.
 #[divan::bench]
 fn new_coil() -> palpate_sim::sensing_coil::curve::CoilCurve {
     palpate_sim::sensing_coil::curve::CoilCurve::new(

@@ -147,7 +147,7 @@ fn a_slow_press_sticks_and_slips_where_the_springs_say() {
     }
     assert_eq!(found_m.len(), expected_m.len());
     for (index, (found, expected)) in found_m.iter().zip(&expected_m).enumerate() {
-        // A slip shows at the end of a step, and each one later than the previous one.
+        // A slip takes effect at the end of a step, so the delays of successive slips add up.
         let late_m = found - expected;
         let steps = (index + 1) as f64 * speed * 1e-3;
         assert!(

@@ -353,7 +353,7 @@ fn a_rise_ends_where_it_should() {
         let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
         loop_.test().unwrap();
         let peak_a = reachable_a(&circuit);
-        // As in the firmware: one line, and the next one when its time comes.
+        // As in the firmware, the rise is one line; the next line is sent only when its time comes.
         loop_.go(peak_a as f32, 10e-3).unwrap();
         let highest_a = (0..1_300)
             .map(|_| loop_.period().mean_a)
@@ -413,7 +413,7 @@ fn lines_go_through_zero_and_end_there() {
     for of in 0..=12 {
         loop_.go(ends(of), 2e-3).unwrap();
         loop_.run_for(2e-3);
-        // The setpoint applies at the end of the period after the interrupt's.
+        // The setpoint is reached at the end of the period after the interrupt's period.
         loop_.periods_of(1);
         peaks.push(loop_.circuit.current_a());
     }

@@ -54,8 +54,8 @@ fn the_greatest_current_does_not_trip_and_a_little_more_does() {
     let mut loop_ = driving(12.0);
     loop_.run_for(0.3);
     assert_eq!(loop_.state(), DriveState::Driving);
-    // The amplifier reads the limit of 12.7 A, whatever current flows; at first just below it, by
-    // four times its noise.
+    // The amplifier's output is stuck at the limit of 12.7 A, whatever current flows; first just
+    // below the limit, by four times the noise.
     let volts = |current_a: f64| Some(1.65 + 0.125 * current_a);
     let mut below = driving(12.0);
     below.slow.stuck_v = volts(12.7 - 0.15);
@@ -94,7 +94,7 @@ fn short(limit_a: f64, current_a: f32) -> (f64, f64, u32) {
 fn a_dead_short_lets_little_through() {
     for current_a in [1.0, 5.0, 12.0] {
         let (peak_a, energy_j, periods) = short(15.0, current_a);
-        // 12 V / 2 uH for the 1.5 us of the hardware limit, above its 15 A.
+        // The hardware limit of 15 A, plus 12 V / 2 uH during its delay of 1.5 us.
         assert!(peak_a < 25.0, "{current_a} A: peak {peak_a} A");
         assert!(energy_j < 0.02, "{current_a} A: {energy_j} J");
         assert!(periods <= 8, "{current_a} A: {periods} periods");
@@ -131,8 +131,8 @@ fn two_samples_above_the_limit_end_the_drive_by_themselves_and_say_how_much_it_w
     panic!("it never tripped");
 }
 
-/// One sample at the end of the converter's range, at any point of a period and of a line, and
-/// during the test.
+/// A single sample at the end of the converter's range must not latch a fault: at any point of a
+/// period and of a line, and during the test.
 #[test]
 fn a_single_wild_sample_is_no_current() {
     for wild_v in [0.0, 3.3] {
@@ -353,7 +353,7 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
 type GuardedChange = fn(&mut Regulated);
 
 /// The bridge goes off within the guard's time, whatever the cause; the cause follows from the
-/// supply's reading. (A supply that falls to 6 V is regulated through.)
+/// supply's reading. (If the supply falls only to 6 V, the control compensates for it.)
 #[test]
 fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
     let collapses: [(&str, GuardedChange); 4] = [
@@ -518,7 +518,7 @@ fn a_current_at_the_end_of_its_supply_is_not_called_frozen() {
 
 #[test]
 fn the_test_of_the_measurement_stays_within_its_step() {
-    // 3 counts of 6.4 mA either way, for 3 ms each, every 23 ms.
+    // The test shifts the current by 3 counts of 6.4 mA either way, for 3 ms each, every 23 ms.
     for to_a in [12.0_f32, 5.0, -5.0, 1.0] {
         let mut loop_ = driving(to_a);
         loop_.run_for(0.1);
@@ -562,7 +562,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         (13.9, None),
         (14.3, Some(Fault::SupplyHigh)),
     ] {
-        // A supply already near the limit: the guard finds one that breaks down at once.
+        // The supply starts near the limit: a sudden collapse would trip another guard.
         let near_v = if supply_v < 9.0 { 5.0 } else { 12.0 };
         let near = CircuitParameters::common(0.389, 40e-6, near_v);
         let mut loop_ = tested(near);

@@ -358,7 +358,7 @@ fn the_coil_bends_and_sees_copper() {
         0.5 * (1.0 - 0.9974),
         0.01,
     );
-    // The slab between copper and coil screens a little; 6 % of the coil in air become about 3 %.
+    // The slab between copper and coil screens a little: a loss of 6 % in air becomes about 3 %.
     let copper = alone("copper_image", |_| {}, None);
     let lost = 1.0 - (frequency(&alone("lag", |_| {}, None)) / frequency(&copper)).powi(2);
     println!("{lost}");

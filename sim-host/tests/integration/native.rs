@@ -321,8 +321,8 @@ fn the_same_seed_gives_the_same_records() {
     assert_eq!(here, there);
 }
 
-/// The current's zero is measured without current; where the bridge went off just before, a current
-/// still flows for a moment.
+/// The current's zero must be measured without current, but a current still flows for a moment
+/// after the bridge has gone off.
 #[test]
 fn a_coil_that_is_tested_anew_under_current_has_the_same_zero() {
     let hardware = Wiring::new(world());

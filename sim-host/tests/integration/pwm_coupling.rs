@@ -214,7 +214,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
         }
     }
     let mean_a2 = squares.iter().sum::<f64>() / STEPS as f64;
-    // The fraction of a period at the end of a window, for any start.
+    // Integral over the fraction of a period at the end of a window, for any start.
     let mut most_a2_s: f64 = 0.0;
     for begin in 0..STEPS {
         let mut sum = 0.0;

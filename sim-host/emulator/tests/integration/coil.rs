@@ -1,5 +1,5 @@
-//! Coil drive of the image on the circuit, through PWM, ADC, DMA and interrupts. What needs none of
-//! them - laws, guards, commands - is tested without the image: `coil_drive` and `coil_guards` of
+//! Coil drive of the image on the circuit, through PWM, ADC, DMA and interrupts. Laws, guards and
+//! commands need none of these and are tested without the image: `coil_drive` and `coil_guards` of
 //! `palpate-sim`, `queue`, `manual` and `energy` of `palpate-procedure`.
 
 use crate::common::driven::{PERIOD, steps, telemetry};
@@ -57,7 +57,7 @@ fn the_self_test_finds_the_circuit_and_the_current_is_what_was_commanded() {
         bench.command(&drive(to_a, 1e-3));
         bench.run(Time::from_ms(5));
         let mean_a = mean_a(&mut bench, Time::from_ms(20));
-        // Far within 2 % of 10 A: this converter is exact except for four wide codes.
+        // 0.05 A is far below 2 % of 10 A: this converter is exact except for four wide codes.
         assert!((mean_a - f64::from(to_a)).abs() < 0.05, "{to_a}: {mean_a}");
         if to_a == 5.0 {
             let (_, last) = bench.samples().last().unwrap();
@@ -89,7 +89,7 @@ fn a_dead_short_lets_little_through() {
     let before = bench.board.totals();
     let end = bench.board.now() + Time::from_ms(2);
     while bench.board.now() < end {
-        // As often as the plant restores its values.
+        // Set again and again, since each reading of the plant restores the coil's values.
         let circuit = bench.board.circuit_mut();
         circuit.parameters.coil_ohm = 10e-3;
         circuit.parameters.inductance_h = 2e-6;
@@ -144,8 +144,8 @@ fn a_board_without_coil_needs_no_thermometer_and_one_with_a_coil_does() {
     assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
 }
 
-/// From such a result on, each one would be read as another channel's: the thermistor's as the
-/// current.
+/// One lost result assigns all later results to the wrong channel: the thermistor's voltage would
+/// be read as the current.
 #[test]
 fn a_result_that_dma_does_not_get_switches_off_within_two_periods_and_is_got_over() {
     let mut bench = driving(6.0);
@@ -183,7 +183,7 @@ fn the_control_interrupt_keeps_its_time() {
         bench.board.run_until(Time::from_us(50), is_in).unwrap();
         let begin = bench.board.now();
         begun.push(begin);
-        // Preemption counts: the levels must be written before the period ends.
+        // The time includes preemption: the levels must be written before the period ends.
         bench
             .board
             .run_until(Time::from_us(50), |board| {
@@ -210,8 +210,8 @@ fn the_control_interrupt_keeps_its_time() {
     assert!(jitter_us + longest_us < 14.0, "{jitter_us} {longest_us}");
 }
 
-/// A level that misses its wrap takes effect a period late. Two seconds of the campaign
-/// `coil-current`, 120 000 periods.
+/// A level that misses its wrap takes effect a period late. The test runs two seconds of the
+/// campaign `coil-current`, 120 000 periods.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn nothing_is_missed_under_full_telemetry() {

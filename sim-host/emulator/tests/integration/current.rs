@@ -112,8 +112,8 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     // The bridge wakes up first.
     bench.run(Time::from_ms(5));
     bench.command(&drive(1.0, 0.06, 0.5e-3));
-    // The record takes 63.5 ms; after it, a part of the trace comes with each pulse of a
-    // millisecond.
+    // The record takes 63.5 ms; afterwards the board sends a part of the trace with each pulse of
+    // its millisecond clock.
     bench.run(Time::from_ms(80));
     bench.command(&Command::Identify);
     let parts = traces(&bench.frames);
@@ -152,7 +152,7 @@ const LOOK: Time = Time::from_us(4);
 /// the effect of the profile's corners within a block of periods. An ADC start that is 0.36 us late
 /// causes 45 mA.
 const LIMIT_A: f64 = 8e-3;
-/// Number of ramps in the train, of 100 ms each; below, the observed duration.
+/// Number of ramps of 100 ms each in the train; `TRAIN` is the observed duration.
 const RAMPS: u8 = 3;
 const TRAIN: Time = Time::from_ms(330);
 
@@ -234,7 +234,7 @@ fn the_reported_current_is_true_over_whole_rises_and_falls() {
     assert_true_over_a_train(crate::common::image(), "as shipped");
 }
 
-/// The position of flash cache lines within the code makes no difference.
+/// Shifted code has other flash cache lines; this must not change the reported current.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn the_reported_current_is_true_wherever_the_code_lies() {

@@ -172,7 +172,7 @@ fn a_wire_that_is_freed_again_and_again() -> Vec<record::Fault> {
 }
 
 thread_local! {
-    /// A board that streams with a healthy coil; below, the same board armed.
+    /// A board that streams with a healthy coil; `ARMED` is this board after arming.
     static USUAL: RecordedBoard<Wired> = wired(PlantConditions::default(), BridgeCircuit::default(), 1);
     static ARMED: RecordedBoard<Wired> = {
         let mut bench = usual();
@@ -393,7 +393,7 @@ fn without_crystal() -> Vec<record::Fault> {
     let begin_us = bench.board.timer_us();
     bench.run(Time::from_ms(500));
     assert_eq!(bench.board.resets().watchdog, 0);
-    // With a ring oscillator of typical speed; another one is off by its own error.
+    // The emulated ring oscillator has its typical speed; a real one adds its own error.
     let passed_us = bench.board.timer_us() - begin_us;
     assert!(passed_us.abs_diff(500_000) < 5_000, "{passed_us} us");
     bench.faults()

@@ -305,7 +305,7 @@ fn a_core_voltage_that_falls_restarts_the_chip() {
     bench.stream();
 }
 
-/// `probe-rs run` sets the log's channel to wait for space; then the probe is unplugged.
+/// `probe-rs run` sets the log's channel to wait for space; with the probe unplugged it stays full.
 #[test]
 fn a_channel_that_a_pc_has_set_to_wait_holds_nothing_up() {
     const WAIT_FOR_ROOM: u32 = 2;

@@ -7,8 +7,8 @@ use super::common::{FREQUENCIES_HZ, image};
 
 type Board = EmulatedBoard<Still>;
 
-/// RAM address of code, a copy of the second stage and data. They overwrite the image's memory: the
-/// image does not continue.
+/// RAM addresses of code, of a copy of the second stage, and of data. They overwrite the image's
+/// memory, so the image does not continue.
 const CODE: u32 = 0x2004_0000;
 const SECOND_STAGE: u32 = 0x2004_0400;
 const DATA: u32 = 0x2004_0600;

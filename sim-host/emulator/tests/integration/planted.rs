@@ -51,7 +51,7 @@ fn an_image_that_drops_a_write_or_swaps_the_words_is_caught() {
     }
 }
 
-/// According to the ADC's datasheet, a board with this image measures nothing.
+/// DMA reads the ADC's FIFO even while it is empty; by the datasheet such a board measures nothing.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
@@ -63,7 +63,7 @@ fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
     bench.command(&Command::Arm);
     bench.run(Time::from_ms(100));
     let codes: Vec<FaultCode> = bench.faults().iter().map(|fault| fault.code).collect();
-    // Zeros read as a missing current and a low supply: whichever is detected first.
+    // Zeros look like a missing current and like a low supply; either may be detected first.
     let is_expected =
         |code: &FaultCode| matches!(code, FaultCode::CurrentSense | FaultCode::SupplyLow);
     assert!(codes.iter().any(is_expected), "{codes:?}");

@@ -37,7 +37,7 @@ fn set(bench: &mut RecordedBoard, channels: u8, rate_hz: f32, stream: Stream) ->
     bench.command(&Command::SetSettings(settings))
 }
 
-/// Limits that a refusal reports: every rate within them is kept, and none outside is accepted.
+/// Limits that a refusal reports, Hz; asserts that rates outside of them are refused.
 fn limits_hz(bench: &mut RecordedBoard, channels: u8) -> [f32; 2] {
     let answer = set(bench, channels, 1.0, Stream::Raw);
     assert_eq!(answer.outcome, Outcome::OutOfRange);

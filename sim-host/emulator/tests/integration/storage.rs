@@ -40,13 +40,13 @@ fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
     let save = ThirdSave::prepared(Amount::Usual, FlashTimes::Typical, 1);
     let mut which = BTreeSet::new();
     let count = save.operations.len() as u64;
-    // A save ends with its seal.
+    // Operations across the whole save, and all of the last ones: a save ends with its seal.
     let operations = spread(4, count).into_iter().chain(count - 8..count - 1);
     for operation in operations {
         let (of, recovered, found) = save.cut(operation);
         assert_ne!(of, Which::Neither, "operation {operation}: {found:?}");
         which.insert(of);
-        // A start writes nothing: only the next save repairs.
+        // A start writes nothing to the flash: only the next save repairs it.
         let (begun, end) = (recovered.board.flash().operations(), operation as usize + 1);
         assert_eq!(begun.len(), save.before + end, "operation {operation}");
         if operation % 2 == 1 {
@@ -226,7 +226,7 @@ fn five_crashes_in_a_row_lead_to_a_mode_that_talks_and_does_not_drive() {
         code: FaultCode::CrashStreak,
     });
     assert_eq!(bench.command(&clear).outcome, Outcome::FaultPersists);
-    // An early restart changes nothing.
+    // A restart soon afterwards does not end safe mode.
     let found = bench.reboot();
     assert_eq!(found.hello.reset_cause, ResetCause::Software);
     assert!(is_in_safe_mode(&mut bench, &commands));
@@ -279,7 +279,7 @@ fn a_board_flickers_for_as_long_as_it_is_to_be_found() {
             .all(|it| it >= Time::from_ms(49) && it <= Time::from_ms(52))
     );
     assert!((3..=4).contains(&afterwards.len()), "{afterwards:?}");
-    // This one is ended early.
+    // A duration of zero ends the blinking early.
     bench.accepted(&Command::Locate(Locate { duration_s: 60.0 }));
     assert!(led_changes(&mut bench, Time::from_ms(500)).len() >= 9);
     bench.accepted(&Command::Locate(Locate { duration_s: 0.0 }));

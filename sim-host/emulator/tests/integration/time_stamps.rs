@@ -1,5 +1,5 @@
-//! Sample times do not depend on the readers of the channels: with logs and without, with a PC on
-//! the channels, one that has stopped reading, and none.
+//! Sample times depend neither on logs nor on the readers of the channels: a PC that reads, a PC
+//! that has stopped reading, or none.
 
 use crate::common::{RecordedBoard, image, origin_us, recording};
 use ldc161x_sim::{Settings, TrueConversion};

@@ -50,7 +50,7 @@ fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
 }
 
-/// SET_CONTROL_LINE_STATE announces no data.
+/// SET_CONTROL_LINE_STATE announces no data, so data sent with it must be refused.
 #[test]
 fn data_that_a_request_does_not_announce_are_refused() {
     let mut bench = plugged();
@@ -75,8 +75,8 @@ fn device_descriptor(bench: &UsbBench) -> ControlOutcome {
     ControlOutcome::Done(description.device.clone())
 }
 
-/// The status stage waits when the data are refused, and the next transfer starts before the USB
-/// interrupt runs.
+/// When the data are refused, the status stage still waits, and the next transfer starts before the
+/// USB interrupt runs. The next transfer must succeed.
 #[test]
 fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     let mut bench = plugged();
@@ -111,8 +111,8 @@ fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
     assert_eq!(refused, 300);
 }
 
-/// A packet of the refused request arrives while the request is refused; the packet is discarded
-/// only when the next setup packet is there, and is refused again.
+/// A packet of the refused request may arrive during the refusal. It is discarded only when the
+/// next setup packet is there; that next request must not be refused.
 #[test]
 fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
@@ -125,9 +125,9 @@ fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
     }
 }
 
-/// The data go into the packet that the previous transfer waits for, until the USB interrupt runs.
-/// If one packet of that transfer arrived, the expected one is DATA0, and the request's DATA1 is
-/// dropped. The packet may end at any point of the interrupt: lengths and stuffed bits shift it.
+/// Until the USB interrupt runs, a request's data go into the buffer on which the previous transfer
+/// waits. If that transfer received one packet, it expects DATA0, and the request's DATA1 is
+/// dropped. The data may end at any point of the interrupt: lengths and stuffed bits shift the end.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
@@ -169,9 +169,9 @@ fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
     }
 }
 
-/// The next setup packet may arrive while the previous one is copied, whose flag is cleared
-/// afterwards, and while its answer is prepared. An available answer is taken as the answer to the
-/// next one: software cannot prevent that (docs/firmware.md, errata).
+/// The next setup packet may arrive while the previous one is copied (its flag is cleared
+/// afterwards) or while its answer is prepared. An answer that is already available is sent to the
+/// next request: software cannot prevent that (docs/firmware.md, errata).
 #[test]
 fn a_request_that_is_given_up_at_any_time_does_not_take_the_next_one_with_it() {
     let mut bench = plugged();
@@ -372,7 +372,7 @@ fn rubbish_as_fast_as_a_host_can_send_it_disturbs_nothing() {
     assert!(found.scans > 50);
 }
 
-/// The commands' packets wait for the instrument, and the ends of frames must still be recognised.
+/// The packets of the commands wait for the instrument's task; ends of frames must be recognised.
 #[test]
 fn commands_without_a_pause_are_answered_and_hang_nothing() {
     let mut bench = plugged();

@@ -149,7 +149,7 @@ pub(crate) fn regulated(
     .expect("the driver takes the reference board")
 }
 
-/// The same with the usual converter and limits, after its self-test.
+/// The coil's driver with the usual converter and limits, after its self-test.
 pub(crate) fn tested(circuit: CircuitParameters) -> Regulated {
     let mut drive = regulated(circuit, ConverterParameters::RP2040, 1, reference_limits());
     drive.test().expect("a sound coil passes");

@@ -15,7 +15,7 @@ pub(crate) const PERIOD: Time = Time::from_us(16);
 /// Length of a conversion, in whole periods of the PWM.
 pub(crate) const WINDOW: usize = 62;
 
-/// Constant sensors, and a circuit.
+/// Plant of constant sensors and a given coil circuit.
 #[derive(Clone)]
 pub(crate) struct Wired {
     pub(crate) sensors: Still,
@@ -255,7 +255,7 @@ pub(crate) fn bend<P: Plant>(bench: &mut RecordedBoard<P>, peak_a: f64, fall_s: 
     bench.go(peak_a, 2e-3, Time::from_ms(5));
     bench.send(&drive(0.2 * peak_a, fall_s));
     let periods = (f64::from(fall_s) / PERIOD.as_secs_f64()) as usize;
-    // From the answer to the command until shortly before the ramp's end.
+    // Skips the ramp's start, with the answer to the command, and its last tenth.
     bench.charge_curve(periods / 20 + 120);
     let means = bench.charge_curve(periods * 17 / 20 - 120).windows(0.0);
     assert!(means.len() > 5 && means[0] - means[5] > 0.0, "{means:?}");
@@ -283,7 +283,7 @@ fn from_a_line(values: &[f64]) -> f64 {
 pub(crate) struct Telemetry {
     /// Write times of the levels, in periods with current.
     pub(crate) levels: LevelTimes,
-    /// Samples fetched; below, samples lost on the way, by any count.
+    /// Samples fetched; `lost` counts samples lost on the way, by any of the counters.
     pub(crate) samples: u32,
     pub(crate) lost: u64,
     /// Worst delay from an edge of INTB to START.
@@ -324,7 +324,7 @@ pub(crate) fn telemetry<P: Plant>(
     while bench.board.now() < end {
         bench.go(1.0, 0.0, Time::from_ms(2));
         bench.board.take_level_times();
-        // A run may last 20 s.
+        // Stays below the on-time limit of 20 s.
         let until = end.min(bench.board.now() + Time::from_ms(15_000));
         while bench.board.now() < until {
             let (to_a, over_s) = profiles.next().unwrap_or_default();

@@ -28,7 +28,7 @@ pub(crate) struct Stream {
     pub(crate) lost: u32,
     /// Number of samples marked as after a gap, because their stamp is off the grid.
     pub(crate) marked: usize,
-    /// Greatest difference of the interval between two samples from a millisecond, us.
+    /// Greatest deviation of the interval between two samples from a millisecond, us.
     pub(crate) off_us: u64,
 }
 
@@ -116,8 +116,8 @@ pub(crate) struct DuringSave {
     pub(crate) edge_to_start: Time,
     /// Longest interval between two feedings of the watchdog.
     pub(crate) unfed: Time,
-    /// Number of successful control transfers; below, number of others, and duration of the
-    /// slowest, to a millisecond.
+    /// Number of successful control transfers; `refused` counts the others, and `slowest` is the
+    /// longest duration, to a millisecond.
     pub(crate) answered: usize,
     pub(crate) refused: usize,
     pub(crate) slowest: Time,
@@ -129,7 +129,7 @@ pub(crate) struct DuringSave {
 }
 
 impl DuringSave {
-    /// Whether nothing was delayed, and nothing that must wait was started.
+    /// Whether nothing was delayed, and no activity has started that must wait for the save.
     pub(crate) fn holds(&self) -> bool {
         // Either of two reasons for the refusal is valid here.
         let is_refused = |(command, outcome): &(Command, Outcome)| match command {
@@ -175,7 +175,7 @@ impl<P: Plant> RecordedBoard<P> {
     pub(crate) fn store_beside_everything(&mut self) -> DuringSave {
         let mut usb = UsbPc::default();
         usb.listen(&mut self.board);
-        // A frame may be in transmission; its start is kept.
+        // Drops the complete frames, but keeps the start of a frame in transmission.
         usb.frames.clear();
         let edges_before = self.edges_to_start().len();
         let resets_before = self.board.resets().watchdog;

@@ -17,7 +17,7 @@ use palpate_wire::command::{Coil, Command};
 use palpate_wire::record::{Acknowledgement, Fault, Sample, Status};
 use palpate_wire::{Frame, Message, Record, RecordDecoder, Sequencer, encode};
 
-/// Channel of the probe for records; below, for commands.
+/// Channels of the probe: for records, and for commands.
 pub(crate) const DATA: u32 = 1;
 pub(crate) const COMMANDS: u32 = 0;
 
@@ -303,7 +303,7 @@ pub(crate) fn time_to_off(bench: &mut RecordedBoard) -> Option<Time> {
     Some(took)
 }
 
-/// Instruction of an endless loop; below, an undefined one.
+/// Words of two equal instructions: of an endless loop, and of an undefined one.
 pub(crate) const LOOP: u32 = 0xE7FE_E7FE;
 pub(crate) const UNDEFINED: u32 = 0xDE00_DE00;
 /// A free word near the end of memory.

@@ -62,7 +62,7 @@ impl Silicon {
         RecordedBoard::of(EmulatedBoard::new(image(), plant, chip, options))
     }
 
-    /// 98 % of the scan rate that the bus can fetch, with 10 us between two scans.
+    /// Scan rate, Hz: 98 % of the highest that the bus can fetch with 10 us between two scans.
     pub(crate) fn fastest_hz(self, channels: u8) -> f32 {
         let status = u32::from(self.release == InterruptRelease::StatusOnly);
         let bit_times = 47 * (2 * channels.count_ones() + status) + 1;
@@ -74,7 +74,7 @@ impl Silicon {
 /// Check results of the samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Judged {
-    /// Number of samples; below, of marked ones.
+    /// Numbers of samples, and of marked ones.
     pub(crate) samples: u32,
     pub(crate) marked: u32,
     /// Unmarked samples with a time off by more than is allowed.
@@ -83,11 +83,11 @@ pub(crate) struct Judged {
     pub(crate) mixed: u32,
     /// Unmarked samples after a missing scan.
     pub(crate) skipped: u32,
-    /// Unmarked samples whose last byte is not the converter's, because its supply failed while it
-    /// sent that byte: the line then reads as ones, and no acknowledge could be missing. The next
-    /// sample must be marked, since the converter restarts.
+    /// Unmarked samples whose last byte is not the converter's, because its supply failed during
+    /// that byte: the line then reads as ones, and no missing acknowledge shows the failure. The
+    /// next sample must be marked, since the converter restarts.
     pub(crate) torn: u32,
-    /// Smallest error of an unmarked time, us; below, the largest.
+    /// Smallest and largest error of an unmarked time, us.
     pub(crate) least_us: f64,
     pub(crate) most_us: f64,
     /// Greatest difference between the errors of two consecutive scans.
@@ -250,7 +250,7 @@ pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Sh
                 };
                 let drift_hz = if sensor == 0 { DRIFT_HZ_PER_S } else { 0.0 };
                 let off_hz = it.frequency_hz - sensors_hz[usize::from(it.channel)];
-                // The tolerance has ten seconds of drift, more than a bench runs; a wrong clock is
+                // The tolerance includes the sensors' drift during a bench's run; a wrong clock is
                 // off by more.
                 (-5e3..=5e3 + drift_hz).contains(&off_hz)
             };

@@ -16,7 +16,7 @@ const CUT_SHORT: Time = Time::from_ms(8);
 /// Time for which packets of an abandoned transfer may remain: until the instrument's task pauses,
 /// plus the next transfer.
 const LEFT_OVER: Time = Time::from_ms(5);
-/// One in this many transfers ends early by a bus reset; below, by the next setup packet.
+/// One in `RESETS` transfers ends early by a bus reset, one in `OVERTAKEN` by the next setup packet.
 const RESETS: u32 = 100;
 const OVERTAKEN: u32 = 10;
 /// Number of transfers between two enumerations.
@@ -52,8 +52,8 @@ pub(crate) struct ControlFindings {
     /// Transfers that received leftovers of a transfer that the host had given up: a packet that
     /// waits on endpoint 0 is sent until the processor has read the setup packet.
     pub(crate) spoiled: u32,
-    /// Transfers that ended neither with data nor with a stall, and were not interrupted; the
-    /// host's earlier actions are no excuse.
+    /// Uninterrupted transfers that ended with neither data nor a stall. They count whatever the
+    /// host did before.
     pub(crate) hung: Vec<(ControlTransfer, ControlOutcome)>,
     /// Number of wrong or refused device descriptors.
     pub(crate) wrong: u32,

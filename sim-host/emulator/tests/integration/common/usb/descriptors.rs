@@ -23,8 +23,8 @@ const CONFIGURATION: [u8; 84] = [
     9, 4, 0, 0, 1, 2, 2, 0, 0, //
     // Header: CDC 1.10.
     5, 0x24, 0, 0x10, 0x01, //
-    // Abstract control model. Bit 1 would announce line coding and line state, which the port takes
-    // and which PCs send all the same.
+    // Abstract control model. Bit 1 would announce line coding and line state. The port accepts
+    // these requests without it, and PCs send them without it.
     4, 0x24, 2, 0, //
     // Union: interface 0 controls interface 1.
     5, 0x24, 6, 0, 1, //

@@ -266,7 +266,7 @@ pub(crate) fn answer(frames: &[Frame<Record>], number: u32) -> Option<Acknowledg
 pub(crate) struct Chance(u64);
 
 impl Chance {
-    /// A generator with any seed except 0.
+    /// A generator; every seed gives a state other than zero.
     pub(crate) const fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }

@@ -23,11 +23,11 @@ pub(crate) struct StreamFindings {
     pub(crate) trains: u32,
     /// Total time in trains.
     pub(crate) driven: Time,
-    /// Scans fetched by the firmware; below, scans overwritten in the converter before they were
-    /// fetched.
+    /// Scans fetched by the firmware; `scans_lost` counts scans overwritten in the converter before
+    /// they were fetched.
     pub(crate) scans: u32,
     pub(crate) scans_lost: u64,
-    /// Samples received by USB; below, those marked as following a gap.
+    /// Samples received by USB; `samples_after_gap` counts those marked as following a gap.
     pub(crate) samples: u32,
     pub(crate) samples_after_gap: u32,
     /// Records missing by USB, and those that the device reports as dropped.
