@@ -262,7 +262,7 @@ fn starts_learning(record: &Record) -> bool {
 /// Commands after which the board learns the baseline again.
 const ANEW: [&str; 3] = ["set_settings", "set_deformation_curve", "set_crosstalk"];
 
-/// Name of the accepted command that set something.
+/// Name of the `set_` command that this answer accepts, if it does.
 fn sets(answer: &Acknowledgement) -> Option<&'static str> {
     let mut kinds = Command::KINDS.iter();
     let kind = kinds.find(|kind| kind.number == answer.kind)?;

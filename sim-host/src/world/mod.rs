@@ -6,8 +6,8 @@
 //! sensing coil is a cubic in time, so a converter may read it at any time.
 //!
 //! The result does not depend on how the caller divides time: [`World::advance`] by ten times
-//! 0.1 ms or once by 1 ms gives the same bits. Only [`World::set_current`] and the other inputs end a
-//! step.
+//! 0.1 ms or once by 1 ms gives the same bits. Only inputs such as [`World::set_current`] end a
+//! step early.
 
 mod history;
 mod plant;

@@ -178,8 +178,8 @@ impl Flash {
         self.has_changed = true;
     }
 
-    /// Wears out the sector at an address: from now on its operations take their time, but change
-    /// nothing.
+    /// Wears out the sector at an address: from now on its operations take their usual time, but
+    /// leave its contents unchanged.
     pub fn wear_out(&mut self, address: u32) {
         Arc::make_mut(&mut self.worn).insert(sector_of(address));
     }

@@ -573,8 +573,8 @@ impl UsbHost {
         }
     }
 
-    /// Starts a token if the wire is free; whether there is something to send is decided at its
-    /// end.
+    /// Starts a token if the wire is free. Its transaction is chosen only at the token's end; there
+    /// may be none.
     fn look_for_work(&mut self, now_ps: u64) {
         if self.port == Port::Enabled && self.flight.is_none() && self.token_due_ps.is_none() {
             let begin_ps = now_ps.max(self.quiet_ps);

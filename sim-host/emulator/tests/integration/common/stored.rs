@@ -461,7 +461,7 @@ pub(crate) enum BitFlip {
     Corrected,
     /// The board reports a fault and uses the defaults.
     Found,
-    /// Something else is in force.
+    /// Neither: other data are in force, or the fault is missing.
     Silent,
 }
 
