@@ -5,14 +5,14 @@
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BusAccess {
-    /// One transaction for each frame, its registers joined by repeated starts. It takes the least
-    /// time, and no other transfer can come between the reads of one frame.
+    /// One transaction for each frame, its registers joined by repeated starts. Fastest; no other
+    /// transfer can come between the reads of one frame.
     #[default]
     FramePerTransaction,
     /// One `write_read` per register: for HALs whose `transaction` takes two operations only.
     RegisterPerTransaction,
-    /// `write`, stop, `read`: for HALs without transactions. The chip keeps its pointer between
-    /// the two; no other master may use the bus meanwhile.
+    /// `write`, stop, `read`: for HALs without transactions. The chip keeps its pointer between the
+    /// two transfers; no other master may use the bus meanwhile.
     SeparateTransfers,
 }
 

@@ -64,7 +64,7 @@ impl Address {
     }
 }
 
-/// A sensor channel. Two and three exist on the LDC1614 only.
+/// A sensor channel. Channels 2 and 3 exist on the LDC1614 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -83,8 +83,8 @@ pub struct Configuration {
     pub deglitch: Deglitch,
     /// Which errors are reported, and where.
     pub errors: ErrorConfig,
-    /// Whether a sensor starts with its own drive current instead of the strongest. This is slower;
-    /// the datasheet recommends the strongest (Table 41).
+    /// Whether a sensor is activated with its own drive current instead of the strongest.
+    /// Activation then takes longer; the datasheet recommends the strongest (Table 41).
     pub low_power_activation: bool,
     /// Noise parameters of the channels.
     pub noise: Noise,
@@ -165,7 +165,7 @@ impl Configuration {
         }
     }
 
-    /// Value of CONFIG for converting or for sleep.
+    /// Value of CONFIG while converting, or asleep if `sleep` is set.
     pub(crate) const fn config(&self, sleep: bool) -> Config {
         Config {
             active_channel: match self.acquisition {
@@ -182,7 +182,7 @@ impl Configuration {
         }
     }
 
-    /// Value of CONFIG with which the chip itself finds the drive current (datasheet 8.1.5.2).
+    /// Value of CONFIG that makes the chip find its drive current itself (datasheet 8.1.5.2).
     pub(crate) const fn calibrating_config(&self, sleep: bool) -> Config {
         Config {
             fixed_drive: false,
@@ -196,8 +196,8 @@ impl Configuration {
         PER_CHANNEL * self.acquisition.channel_count() + 2
     }
 
-    /// Register number `index`, in the order in which they are written while the chip sleeps, and
-    /// its value. CONFIG is not among them: it is written last.
+    /// Register number `index` and its value, in the order of writing while the chip sleeps. CONFIG
+    /// is not in this list, since it is written last.
     pub(crate) const fn register(&self, index: u8) -> Option<(Register, u16)> {
         let per_channels = PER_CHANNEL * self.acquisition.channel_count();
         if index == per_channels {

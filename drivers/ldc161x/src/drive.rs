@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// Drive current of each code in microampere (datasheet Table 42; application note SNOA950
-/// lists the same).
+/// Drive current of each code in microampere (datasheet Table 42; application note SNOA950 lists
+/// the same currents).
 const DRIVE_CURRENT_UA: [u16; 32] = [
     16, 18, 20, 23, 28, 32, 40, 46, 52, 59, 72, 82, 95, 110, 127, 146, 169, 195, 212, 244, 297,
     342, 424, 489, 551, 635, 763, 880, 1017, 1173, 1355, 1563,

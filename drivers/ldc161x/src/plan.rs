@@ -23,7 +23,7 @@ const SENSOR_HZ: (u32, u32) = (1_000, 10_000_000);
 /// note 2).
 const DIVIDE_FROM_HZ: u32 = 8_750_000;
 /// Limits of the sensor's parallel resistance: 1 to 100 kiloohm (datasheet 6.5). A lower resistance
-/// needs the high-current mode; its figures differ between sources, so it is not planned.
+/// needs the high-current mode, which is not planned, since sources differ on its figures.
 const RP_OHM: (u32, u32) = (1_000, 100_000);
 /// Limits of the I2C clock in hertz (datasheet 6.6).
 const BUS_HZ: (u32, u32) = (10_000, 400_000);
@@ -38,8 +38,8 @@ const SWITCH_PERIODS: u64 = 5;
 const MASTER_GAP_NS: u64 = 10_000;
 /// Fewest periods of the divided sensor signal in a conversion, at the lowest sensor frequency.
 /// Each of the two gates loses up to two and a half of these periods, and the stated uncertainty
-/// assumes the mean loss: with 4 periods in a conversion it is up to 5 % too small, with 6 up to 2
-/// %.
+/// assumes the mean loss. The stated uncertainty is therefore up to 5 % too small with 4 periods,
+/// and up to 2 % with 6.
 const LEAST_PERIODS: u64 = 6;
 
 /// The resonator on a channel, over its whole range of use.
@@ -96,7 +96,7 @@ pub enum Rate {
     /// At least this many frames per second, with conversions as long as the rate allows, since
     /// long conversions have the best resolution.
     PerSecond(u32),
-    /// As fast as the bus can read each frame and, after it, one more register for
+    /// The highest rate at which the bus can read each frame and then one more register for
     /// [`check_canary`](crate::Ldc161x::check_canary).
     AsTheBusAllows,
     /// Conversions with this RCOUNT on every channel.
@@ -140,8 +140,8 @@ pub struct Request {
     pub bus_hz: u32,
     /// How registers are read.
     pub access: BusAccess,
-    /// Whether STATUS is read with each frame: this works on all chips, and is required if only a
-    /// read of STATUS releases INTB. Determine that with
+    /// Whether STATUS is read with each frame. This works on all chips, and is required on a chip
+    /// whose INTB is released only by a read of STATUS. Determine which chip it is with
     /// [`probe_interrupt_release`](crate::Ldc161x::probe_interrupt_release).
     pub status_reads: bool,
     /// Whether every word is read twice; see [`set_read_twice`](crate::Ldc161x::set_read_twice).
@@ -334,7 +334,7 @@ impl Request {
     }
 
     /// The smallest FREF_DIVIDER with which the reference stays within its limit at the fastest
-    /// clock.
+    /// clock, and each settling time within the range of SETTLECOUNT.
     const fn reference_divider(&self) -> Result<u16, LimitError> {
         let limit = match (self.acquisition, self.reference) {
             (Acquisition::Single(_), _) => SINGLE_REFERENCE_HZ,
@@ -395,7 +395,8 @@ impl Request {
         })
     }
 
-    /// SETTLECOUNT >= Q fREF / (16 f), rounded up (datasheet Equation 10), at least 4.
+    /// SETTLECOUNT >= Q fREF / (16 f), rounded up (datasheet Equation 10), at least 4. Q is the
+    /// highest quality factor, f the lowest sensor frequency.
     const fn settle_count(
         &self,
         channel: Channel,
@@ -419,7 +420,7 @@ impl Request {
     }
 
     /// The RCOUNT of all channels: the longest conversion with which the frame still meets the
-    /// requested rate. `shortest` has the least RCOUNT, which its channel `slowest` needs.
+    /// requested rate. `shortest` has the least RCOUNT, set by channel `slowest`.
     const fn rcount(
         &self,
         shortest: &Configuration,
@@ -459,8 +460,8 @@ impl Request {
         }
     }
 
-    /// Highest frame rate per second that can be requested; 0 if even with the longest conversions
-    /// frames end faster than the bus can read them.
+    /// Highest frame rate per second that can be requested; 0 if the bus is too slow to read the
+    /// frames even with the longest conversions.
     const fn most_per_second(&self, shortest: &Configuration) -> u32 {
         let mut configuration = *shortest;
         let rcount = self.rcount_beyond(shortest, self.frame_read_ns());
@@ -551,7 +552,7 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
 }
 
 /// Least RCOUNT with which a conversion contains [`LEAST_PERIODS`] of the sensor's lowest
-/// frequency. The largest that can occur is 41,250: a sensor of 1 kHz, divided by 2 because of its
+/// frequency. Its highest possible value is 41,250: a sensor of 1 kHz, divided by 2 because of its
 /// highest frequency, at the 55 MHz of the internal oscillator.
 const fn least_rcount(sensor: &Sensor, dividers: ClockDividers, clock_hz: u32) -> Rcount {
     let counted = LEAST_PERIODS * dividers.sensor() as u64 * clock_hz as u64;

@@ -1,9 +1,9 @@
 //! Words as ratios of counts: DATA = round(2^28 M / N).
 //!
 //! The chip counts M sensor periods against N reference periods. Twenty of twenty words that users
-//! of LDC1612 boards posted decode this way, with N a little below 32 RCOUNT; a random word does so
-//! with a probability of about half a per cent. So words can be checked although the converter
-//! sends no checksum, and averages need no rounding: they are the sum of M over the sum of N.
+//! of LDC1612 boards posted decode this way, with N a little below 32 RCOUNT; a random word decodes
+//! this way with a probability of about half a per cent. So words can be checked without a
+//! checksum, and averages need no rounding: sum of M over sum of N.
 //!
 //! This is a hypothesis about the silicon, based on the LDC1612 with one channel and an undivided
 //! sensor. It therefore only feeds statistics and never rejects a reading by itself:
@@ -17,31 +17,30 @@ use crate::{Code28, Rcount};
 /// Full scale of a conversion result, 2^28.
 const FULL_SCALE: u32 = 1 << 28;
 
-/// Smallest difference between 32 RCOUNT and N, reference periods that the counter's start-up
-/// loses. In posted words it is 16 and more (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
+/// Smallest difference between 32 RCOUNT and N: the reference periods that the counter's start-up
+/// loses. Posted words lose at least 16 (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
 const SMALLEST_DEFICIT: u32 = 10;
-/// Largest difference between 32 RCOUNT and N for sensors of up to 3.8 reference periods. In posted
-/// words it is up to 28 (12 MHz, 14 words); 30 leaves a margin of 2.
+/// Largest difference between 32 RCOUNT and N for sensor periods of up to 3.8 reference periods.
+/// Posted words lose up to 28 (12 MHz, 14 words); 30 leaves a margin of 2.
 const LARGEST_DEFICIT: u32 = 30;
-/// Largest difference between 32 RCOUNT and N for slower sensors: a constant plus a factor of the
-/// sensor's period p. Each of the two gates waits for an edge at its start and ends at the last
-/// edge before its end, which loses at most 2 p per gate. The variable part of the start-up takes
-/// about p / 2 per gate (posted words: 42 reference periods lost at p = 9.15, 28 at 3.77). The
-/// constant 11 consists of the start-up's constant part, 8, the rounding of four edges and a margin
-/// of 1.
+/// Largest difference between 32 RCOUNT and N for slower sensors, (a, b) for a + b p, where p is
+/// the sensor period in reference periods. Each of the two gates counts from its first edge to its
+/// last, which loses at most 2 p per gate. The variable part of the start-up takes about p / 2 per
+/// gate (posted words: 42 reference periods lost at p = 9.15, 28 at 3.77). The constant 11 consists
+/// of the start-up's constant part, 8, the rounding of four edges and a margin of 1.
 const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
 /// Largest difference between 32 RCOUNT and N that is searched. It limits the duration of the
-/// search and the probability that a random word passes. A sensor slower than 1/37 of the reference
-/// may differ more, so its words are not judged.
+/// search and the probability that a random word passes. With a sensor slower than 1/37 of the
+/// reference the difference may be larger, so words of such sensors are not judged.
 const SEARCH_LIMIT: u32 = 200;
 
-/// Mean difference between 32 RCOUNT and N: a number of reference periods plus a number of sensor
-/// periods. In each of the two gates half a sensor period is lost for start-up, half a period until
-/// the first edge, and half a period after the last one. Posted words: 20 reference periods lost at
-/// p = 3.77, 37 at 9.15.
+/// Mean difference between 32 RCOUNT and N, (a, b) for a + b p, where p is the sensor period in
+/// reference periods. Each of the two gates loses half a sensor period for start-up, half until its
+/// first edge, and half after its last edge. Posted words: 20 reference periods lost at p = 3.77,
+/// 37 at 9.15.
 const MEAN_DEFICIT: (u32, u32) = (8, 3);
 
-/// Mean N of words of this size, but at least one sensor period.
+/// Mean N of conversions that give `word`, but at least one sensor period.
 pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
     let (constant, periods) = MEAN_DEFICIT;
     let deficit = constant + periods * FULL_SCALE / word;
@@ -64,8 +63,8 @@ pub struct Window {
 
 impl Window {
     /// The window of a word. The largest N is 32 RCOUNT - 10. The smallest is 32 RCOUNT - 30 or, if
-    /// that is less, 32 RCOUNT - (11 + 5 p), where p = 2^28 / DATA is the sensor's period in
-    /// reference periods; but at most 200, and at most half, below 32 RCOUNT.
+    /// less, 32 RCOUNT - (11 + 5 p), where p = 2^28 / DATA is the sensor period in reference
+    /// periods. The smallest N is never more than 200, nor more than half, below 32 RCOUNT.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Window};
@@ -198,8 +197,8 @@ fn false_accept(window: Window) -> f32 {
 
 /// Exact average of words: the sum of M over the sum of N, without intermediate rounding.
 ///
-/// The mean of words would include the rounding of each word and weight all of them equally; the
-/// ratio of sums is the count of one conversion that consists of all the gates together.
+/// The mean of words would include the rounding of each word and weight all of them equally. The
+/// ratio of sums is the result of one long conversion that consists of all the gates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -138,7 +138,7 @@ impl Word {
     }
 }
 
-/// Whether a result is new. Only STATUS reports it; a frame that is read at an edge of INTB is
+/// Whether a result is new, as reported by STATUS. A frame that is read at an edge of INTB is
 /// always new.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -149,7 +149,7 @@ pub enum Freshness {
     NotAsked,
     /// STATUS showed an unread result.
     New,
-    /// STATUS showed no unread result: this one was read before, and its flags have been cleared.
+    /// STATUS showed no unread result: the result is an old one, with its flags cleared.
     Repeated,
 }
 
@@ -178,7 +178,7 @@ pub enum Quality {
     /// datasheet's limit (Table 43). Posted words of boards that run this way (0.266 of the
     /// reference) are still ratios of counts.
     AboveQuarterReference,
-    /// STATUS showed no unread result: this one was read before.
+    /// STATUS showed no unread result: this result was read before.
     Repeated,
     /// The two reads of the word returned different codes.
     Differs,
@@ -254,10 +254,10 @@ impl Reading {
         }
     }
 
-    /// Whether there is no objection to the reading. This may also be true of a sensor far outside
-    /// its planned range: its readings are true frequencies as long as it oscillates below the
-    /// limit of the deglitch filter, but settle count and drive current were planned for another
-    /// range ([`Sensor::covers`](crate::Sensor::covers)).
+    /// Whether the quality is [`Quality::Good`]. The reading of a sensor far outside its planned
+    /// range may be good: its frequency is true below the limit of the deglitch filter, although
+    /// settle count and drive current were planned for another range
+    /// ([`Sensor::covers`](crate::Sensor::covers)).
     ///
     /// ```
     /// use ldc161x::{Reading, Word};

@@ -257,7 +257,7 @@ impl ClockDividers {
     }
 }
 
-/// Value of STATUS (datasheet Table 25). Its flags are kept until it is read: that clears it,
+/// Value of STATUS (datasheet Table 25). Flags stay set until STATUS is read. The read clears them,
 /// releases INTB and, according to application note SNOA959, also clears the UNREADCONVx bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -10,15 +10,15 @@ use crate::{ClockDividers, Code28, Rational, Rcount, rational::mean_reference_pe
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Noise {
     /// White noise of the sensor's frequency: relative standard deviation of its mean over 1 ms.
-    /// The noise is inversely proportional to the square root of the conversion time. Users of
-    /// LDC1612 boards measure noise at 12 MHz and 250 samples/s that quantisation explains within
-    /// the scatter of their figures: zero is right for short conversions, but long ones need the
-    /// board's own figure.
+    /// The noise is inversely proportional to the square root of the conversion time. Quantisation
+    /// alone explains the noise that users of LDC1612 boards measure at 12 MHz and 250 samples/s,
+    /// within the scatter of their figures. So zero is right for short conversions; long ones need
+    /// a figure measured on the board.
     pub white_relative_in_1_ms: f32,
     /// Delay of the comparator's falling edge after the rising one, as a fraction of the sensor's
-    /// period, 0 to 1. If it is known, the stated quantisation error is that for the reading's
-    /// frequency, otherwise the mean over all phases. No source states the delay; posted words fit
-    /// 0.15 to 0.4 equally well.
+    /// period, 0 to 1. With a delay, the stated quantisation error is that at the reading's
+    /// frequency; with `None`, it is the mean over all phases. No source states the delay; posted
+    /// words fit 0.15 to 0.4 equally well.
     pub comparator_duty: Option<f32>,
 }
 
@@ -76,8 +76,8 @@ impl Scale {
         }
     }
 
-    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this time:
-    /// it belongs to the middle, half this length before the conversion's end.
+    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this time,
+    /// so its time is the middle: half this length before the conversion's end.
     ///
     /// ```
     /// use ldc161x::{Rcount, Scale};
@@ -88,8 +88,8 @@ impl Scale {
         f64::from(self.rcount.reference_periods()) / self.reference_hz()
     }
 
-    /// Frequency in hertz: f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet
-    /// Equation 6. The driver applies the same with a precomputed unit to each frame (`state.rs`).
+    /// Frequency in hertz: f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet Equation
+    /// 6. `state.rs` applies the same formula to each frame, with a precomputed unit.
     ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
@@ -170,14 +170,14 @@ impl Scale {
     /// counted.
     ///
     /// The result lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases
-    /// is (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2), as in application note SNOA944. The root of
-    /// this mean is stated if d is not known; at a single frequency it may be wrong by up to a
-    /// factor of 1.41. A counter of half periods in one gate would always have 0.0128 / RCOUNT: for
-    /// it this is an upper bound. The uncertainty applies to a frequency that is not known
-    /// beforehand, or that changes by more than 1 / (16 RCOUNT): at a constant frequency the count
-    /// may be the same for ever.
+    /// is (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2), where tC is the conversion time, as in
+    /// application note SNOA944. If d is not known, the root of this mean is stated; at a single
+    /// frequency it may be wrong by up to a factor of 1.41. For a counter of half periods in one
+    /// gate, which always has 0.0128 / RCOUNT, the stated value is an upper bound. The uncertainty
+    /// applies to an unknown frequency, or to one that changes by more than 1 / (16 RCOUNT): at a
+    /// constant frequency the count may be the same for ever.
     ///
-    /// Rounding: the word is a whole number, so sigma_f / f = 1 / (sqrt(12) DATA). This exceeds
+    /// Rounding: the word is a whole number, so sigma_f / f = 1 / (sqrt(12) DATA). Rounding exceeds
     /// quantisation if p^2 is above 2^28 divided by the number of periods counted.
     ///
     /// The count is the mean frequency between the first and the last edge counted, which lie up to

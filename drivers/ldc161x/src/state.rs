@@ -1,5 +1,4 @@
-//! What the driver knows about the chip, independent of the bus: shared by the blocking and the
-//! asynchronous driver.
+//! State of the driver, independent of the bus: shared by the blocking and the asynchronous driver.
 
 use heapless::Vec;
 
@@ -34,7 +33,7 @@ impl FrameRequest {
 }
 
 /// Which reads release INTB on the chip in use. The datasheet describes both behaviours (8.1.8),
-/// and both were measured: determine it with `probe_interrupt_release`.
+/// and both were measured: `probe_interrupt_release` determines which one the chip has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -53,8 +52,8 @@ pub enum InterruptRelease {
 pub struct Canary {
     /// The register that was compared and agreed.
     pub register: Register,
-    /// Number of the last frame before this round started, if this comparison completed a round
-    /// over all registers: frames up to that number were converted with every register intact.
+    /// Number of the last frame before this round started, if this comparison completed the round
+    /// over all registers. Frames up to that number were converted with every register intact.
     pub confirmed: Option<u32>,
 }
 
@@ -102,8 +101,8 @@ impl DriverState {
     }
 
     /// Stores the requested configuration, and marks the chip as stopped.
-    // Not inlined: the reference arguments say that the two do not overlap, which the compiler does
-    // not know inside the calling future.
+    // Not inlined: as arguments, source and destination are known not to overlap; within the
+    // calling future the compiler does not know it.
     #[inline(never)]
     pub(crate) fn request(&mut self, configuration: &Configuration) {
         self.stopped();

@@ -52,14 +52,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
         let release = self.find_interrupt_release(interrupt, delay).await?;
         self.state.release = release;
         self.state.frames_discarded();
-        // The last attempt may have left INTB low: each frame would then be read while the one
-        // after it is converted.
+        // The last attempt may have left INTB low. Each frame would then be read while the next one
+        // is converted.
         self.release_interrupt().await?;
         Ok(release)
     }
 
-    /// Each attempt starts with INTB released by a read of STATUS and waits until INTB falls: so
-    /// the read of the data ends before the next conversion does.
+    /// Checks whether reading data releases INTB. Each attempt starts with a read of STATUS and
+    /// waits until INTB falls, so that the data are read before the next conversion ends.
     async fn find_interrupt_release(
         &mut self,
         interrupt: &mut impl InputPin,
@@ -87,8 +87,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Waits until INTB is low, polling every few microseconds, for at most the time of two frames,
-    /// start-up after sleep included. For programs that do not use an interrupt of the
-    /// microcontroller.
+    /// start-up after sleep included. For programs without a microcontroller interrupt for INTB.
     ///
     /// # Errors
     ///
@@ -237,9 +236,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(frame)
     }
 
-    /// Reports that a frame that the bus master should have read was lost, or that its transfer
-    /// failed. The next frame is marked as following a gap, and the next
-    /// [`read_frame`](Self::read_frame) first checks the chip's identity.
+    /// Reports that the bus master lost a frame, or that its transfer of a frame failed. The next
+    /// frame is marked as following a gap, and the next [`read_frame`](Self::read_frame) first
+    /// checks the chip's identity.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]
@@ -274,8 +273,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Checks, after a failed transfer, that the chip answers with its identity and is awake. A
-    /// transfer that was cut short may corrupt the following one (datasheet 7.5.2): the check makes
-    /// sure that the following one is not a frame.
+    /// transfer that was cut short may corrupt the following one (datasheet 7.5.2): because of this
+    /// check, the following transfer is not a frame.
     async fn resynchronise(
         &mut self,
         configuration: &Configuration,

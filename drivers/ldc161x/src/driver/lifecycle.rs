@@ -59,9 +59,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSuchChannel`] before anything is sent; [`Error::WrongIdentity`],
-    /// [`Error::ReadBack`], [`Error::RegistersLost`] or a bus error. After any of the latter the
-    /// chip counts as not running.
+    /// [`Error::NoSuchChannel`] before anything is sent. [`Error::WrongIdentity`],
+    /// [`Error::ReadBack`], [`Error::RegistersLost`] or a bus error; the chip then counts as not
+    /// running.
     ///
     /// ```
     #[doc = include_str!("doctest_bus.txt")]

@@ -184,7 +184,7 @@ proptest! {
         let m = (share * f64::from(n)).round().max(1.0);
         let word = (268_435_456.0 * m / f64::from(n)).round() as u32;
         let ratio = Rational::decode(Code28::new(word).unwrap(), Rcount::new(rcount).unwrap());
-        // With the shortest conversions the window of a slow sensor is wider than half a gate.
+        // In short conversions a slow sensor's window exceeds half a gate: the word is not judged.
         let judged = 16 * u32::from(rcount) >= 11 + 5 * (1_u32 << 28) / word.max(1);
         prop_assert_eq!(ratio.plausible, judged.then_some(true), "{:?}", ratio);
     }

@@ -449,7 +449,7 @@ fn canaries_go_round_all_registers_and_confirm_the_frames_before() {
     chip.set_interrupt_release(InterruptRelease::ByData);
     chip.start(&configuration(acquisition)).unwrap();
     let number = chip.read_frame().unwrap().number;
-    // The current round started before the frame was read, so it confirms nothing about that frame.
+    // The current round started before the frame was read, so it does not confirm that frame.
     for _ in &words {
         assert_eq!(chip.check_canary().unwrap().confirmed, None);
     }

@@ -1,5 +1,5 @@
-//! The register map, typed a second time from the datasheet's register list, as plain numbers. It
-//! uses none of the driver's constants: otherwise a typing error in them would not be found.
+//! The register map, typed a second time from the datasheet's register list, as plain numbers.
+//! Using none of the driver's constants, it also reveals typing errors in those.
 #![allow(dead_code, unreachable_pub)]
 
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
