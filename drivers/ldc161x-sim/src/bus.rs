@@ -56,8 +56,8 @@ impl core::error::Error for I2cError {}
 /// An I2C master whose bus has one or more chips.
 ///
 /// Every transfer takes the exact time of its bits: 1 for START, repeated START and STOP, 9 for a
-/// byte. [`Chip::traffic`] returns the number of bits. A line that gets stuck acts from the next
-/// byte on; a caller of [`Chip::start`] and the other byte-level methods decides this itself.
+/// byte. [`Chip::traffic`] returns the number of bits. A line that gets stuck takes effect from the
+/// next byte on; callers of the byte-level methods, such as [`Chip::start`], choose that moment.
 ///
 /// ```
 /// use core::cell::RefCell;
@@ -104,7 +104,7 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Self { deadline, ..self }
     }
 
-    /// Sends SCL pulses: a master does that to free SDA before it gives up.
+    /// Sends SCL pulses, as a master does to free SDA.
     ///
     /// # Errors
     /// [`I2cError::Borrowed`].
@@ -155,8 +155,8 @@ impl<'a, S: Sensors> Bus<'a, S> {
         Ok(byte)
     }
 
-    /// Advances by a number of bits and, if SCL is held low then, until it is released. Returns the
-    /// time after that.
+    /// Advances by a number of bits, then until SCL is released, if it is held low. Returns the
+    /// time reached.
     fn clock(&mut self, bits: u64) -> Result<Time, I2cError> {
         let time = now(self.chips)? + self.bit.times(bits);
         each(self.chips, |chip| chip.advance_to(time))?;

@@ -11,7 +11,7 @@ use crate::sequence_state::Sequence;
 use crate::settings::{ExternalClock, Settings};
 use crate::time::Time;
 
-/// Most steps of the schedule that one call of [`Chip::advance_to`] runs before it skips ahead:
+/// Largest number of schedule steps in one call of [`Chip::advance_to`] before it skips ahead:
 /// about two million conversions, or half an hour at 1 kHz. The limit keeps a call with a senseless
 /// time from running for days.
 const LONGEST_RUN: u32 = 1 << 22;
@@ -168,7 +168,7 @@ impl<S: Sensors> Chip<S> {
         stuck.unwrap_or(driven_low)
     }
 
-    /// Level at which INTB is stuck, `Some(true)` for low; `None` if it follows the chip.
+    /// Level at which INTB is stuck, `Some(true)` for low; `None` if INTB follows the chip.
     #[must_use]
     pub fn intb_is_stuck(&self) -> Option<bool> {
         self.faults.active().find_map(|fault| match fault {
@@ -366,9 +366,8 @@ impl<S: Sensors> Chip<S> {
         self.results.newest(channel)
     }
 
-    /// Ground truth of the conversion that the driver has read, whose result the last read of
-    /// DATAx_MSB latched. `None` if there was no result: none since sleep, or the watchdog had
-    /// aborted the conversion.
+    /// Ground truth of the conversion whose result the last read of DATAx_MSB latched. `None` if
+    /// there was no result since sleep, or if the watchdog had aborted the conversion.
     #[must_use]
     pub fn last_read(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.last_read(channel)

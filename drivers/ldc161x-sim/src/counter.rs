@@ -3,9 +3,8 @@
 //! Recorded words decode as round(2²⁸ M/N) with N about 16 to 28 below 32 RCOUNT, some of them with
 //! odd M (reference `ldc1614.md`, section 0.1). A reciprocal counter produces such words: it
 //! measures the time of a whole number of sensor periods, from the first edge in the gate to the
-//! last, in whole reference periods. This module computes the times of those edges. It uses no
-//! formula for the variance of the result, so dithering, stuck words and beats emerge by
-//! themselves.
+//! last, in whole reference periods. This module computes the times of those edges. It needs no
+//! formula for the variance of the result: dithering, stuck words and beats follow from the edges.
 
 use crate::switches::Counter;
 

@@ -30,7 +30,7 @@ pub(crate) fn amplitude_v(parallel_resistance_ohm: f64, current_a: f64) -> f64 {
 }
 
 /// Drive code that the automatic calibration selects: the highest code with an amplitude below 1.8
-/// V. SNOA950 recommends it for manual selection; that the chip selects the same one is a guess.
+/// V. SNOA950 recommends this code for manual selection; that the chip selects it too is a guess.
 pub(crate) fn calibrated_code(parallel_resistance_ohm: f64) -> u8 {
     (0..=LARGEST_CODE)
         .rev()

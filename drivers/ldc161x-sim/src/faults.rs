@@ -229,8 +229,8 @@ pub(crate) struct FaultChange {
     pub(crate) begins: bool,
 }
 
-/// Slots for faults. Every byte on the bus is checked against them, so never used slots are
-/// skipped.
+/// Slots for faults. Slots that were never used are skipped, since every byte on the bus is checked
+/// against all others.
 #[derive(Clone, Debug)]
 struct Slots {
     all: [Option<Slot>; FAULT_SLOTS],
@@ -413,7 +413,7 @@ impl Schedule {
     }
 
     /// Latest end of the active faults for which `is_meant` is true; [`Time::MAX`] if one of them
-    /// lasts until the test ends it. `None` if there is none.
+    /// lasts until the test ends it. `None` if no such fault is active.
     pub(crate) fn lasts_until(&self, is_meant: impl Fn(&ChipFault) -> bool) -> Option<Time> {
         self.slots
             .iter()

@@ -115,7 +115,7 @@ impl<S: Sensors> Chip<S> {
     }
 
     /// Time until which the chip or a stuck line holds SDA low outside of a transfer; [`Time::MAX`]
-    /// if it is never released, `None` if it is not held.
+    /// if SDA is never released, `None` if SDA is not held low.
     pub fn sda_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         let is_stuck = |fault: &ChipFault| matches!(fault, ChipFault::SdaStuck { .. });
@@ -127,8 +127,8 @@ impl<S: Sensors> Chip<S> {
         self.sda_held_until(time).is_some()
     }
 
-    /// Time until which SCL is held low; [`Time::MAX`] if it is never released, `None` if it is not
-    /// held. The chip itself never stretches the clock (datasheet 7.5.1).
+    /// Time until which SCL is held low; [`Time::MAX`] if SCL is never released, `None` if SCL is
+    /// not held low. The chip itself never stretches the clock (datasheet 7.5.1).
     pub fn scl_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         self.faults
@@ -249,8 +249,8 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Ends the current access. If only one of a register's two bytes was transferred, that is an
-    /// early termination.
+    /// Ends the current access. An access that transferred only one of a register's two bytes
+    /// counts as an early termination.
     fn break_off(&mut self, by_master: bool) {
         let is_early = matches!(
             self.link.expecting,

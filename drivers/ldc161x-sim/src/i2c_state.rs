@@ -21,7 +21,7 @@ impl Traffic {
     }
 }
 
-/// What the chip expects next on the bus.
+/// The next byte or condition that the chip expects on the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Expecting {
     /// No byte: the chip was not addressed, or the access is over.

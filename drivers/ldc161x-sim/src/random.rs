@@ -12,8 +12,8 @@ const INCREMENT: u64 = 0x9E37_79B9_7F4A_7C15;
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// Creates one of several independent streams of a seed. Noise and faults use different ones,
-    /// so that scheduling a fault does not change the noise.
+    /// Creates one of several independent streams of a seed. Noise and faults use different
+    /// streams, so that scheduling a fault does not change the noise.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut mixed = Self(seed ^ stream.wrapping_mul(0xD1B5_4A32_D192_ED03));
         let start = mixed.next();

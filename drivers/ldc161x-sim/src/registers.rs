@@ -1,7 +1,7 @@
 //! The register file, transcribed from datasheet SNOSCY9A section 7.6.
 
-/// Addresses of the registers. For a register that each of the four channels has, it is the address
-/// for channel 0; add the channel.
+/// Addresses of the registers. Where each of the four channels has its own register, the constant
+/// is the address for channel 0: add the channel's number.
 pub(crate) mod address {
     /// RCOUNT0.
     pub(crate) const RCOUNT: u8 = 0x08;
@@ -71,7 +71,7 @@ const fn reserving(register: Register, reserved: u16, required: u16) -> Register
 }
 
 /// DRIVE_CURRENTx. Bits 10:6, INIT_IDRIVEx, are read-only and must be written zero. For channels 1
-/// to 3 the datasheet's tables give no access for bits 5:0, so a write does not change them there.
+/// to 3 the datasheet's tables give no access for bits 5:0, so writes to these bits are ignored.
 const fn drive_current(first: u8, last: u8, writable: u16) -> Register {
     Register {
         writable,

@@ -124,8 +124,8 @@ impl Results {
         self.report(conversion.channel, errors, reporting);
     }
 
-    /// Reports a conversion that was aborted: it has no valid result, so there is nothing to read
-    /// (SNOA959 3.3 and its table 2: the word is zero).
+    /// Reports an aborted conversion. It has no valid result: the word is zero (SNOA959 3.3 and its
+    /// table 2).
     pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
             let outcome = ConversionResult {
@@ -190,7 +190,7 @@ impl Results {
             | unread
     }
 
-    /// Clears what a read of STATUS clears.
+    /// Applies a read of STATUS: clears errors, DRDY and INTB, and by switch UNREADCONVx.
     pub(crate) fn status_was_read(&mut self, switches: &Switches) {
         self.forget_errors();
         self.data_ready = false;
@@ -220,7 +220,7 @@ impl Results {
         })
     }
 
-    /// Latches and clears what a read of DATAx_MSB latches and clears.
+    /// Applies a read of DATAx_MSB: latches DATAx_LSB, and clears what the switches select.
     pub(crate) fn msb_was_read(&mut self, channel: u8, switches: &Switches) {
         let index = channel;
         let Some(channel) = self.channels.get_mut(usize::from(index)) else {

@@ -29,10 +29,9 @@ pub trait Sensors {
     }
 
     /// Number of cycles by which an external disturbance advances (or delays) the oscillation
-    /// during a conversion, compared with its mean frequency. It models an interferer near the
-    /// resonance, whose beat is too fast for the few times at which
-    /// [`frequency_hz`](Self::frequency_hz) is queried. Called once for each conversion, in order
-    /// of time.
+    /// during a conversion, compared with its mean frequency. Models an interferer near the
+    /// resonance, whose beat is too fast for the few queries of
+    /// [`frequency_hz`](Self::frequency_hz). Called once for each conversion, in order of time.
     fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
         let _ = (channel, window);
         0.0

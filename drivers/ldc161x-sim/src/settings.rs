@@ -79,8 +79,8 @@ pub struct Conversions {
     /// at 40 MHz and 1 ms is 7·10⁻⁶).
     pub noise_at_1ms: f64,
     /// Number of panels of five-point Gauss–Lobatto quadrature over a conversion, 1 to 255: one
-    /// panel averages a disturbance whose period is the panel's length to 1.4·10⁻³ of its
-    /// amplitude. Default 2.
+    /// panel reduces a disturbance whose period is the panel's length to 1.4·10⁻³ of its amplitude.
+    /// Default 2.
     pub panels: u8,
     /// Time from the end of a conversion to the activation of the next channel in autoscan
     /// (datasheet equation 8). For a single channel see [`Switches::overhead`].
@@ -178,7 +178,7 @@ pub struct Settings {
     pub conversions: Conversions,
     /// Effects of drive current and amplitude.
     pub drive: SensorDrive,
-    /// Unsettled properties of the silicon, one position for each.
+    /// Unsettled properties of the silicon: the selected position of each switch.
     pub switches: Switches,
 }
 

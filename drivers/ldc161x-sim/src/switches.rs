@@ -39,7 +39,7 @@ pub enum StatusReporting {
     Always,
 }
 
-/// Time between two conversions on a single channel, in excess of their 16 RCOUNT reference clocks.
+/// Time between two conversions on a single channel, beyond the first one's 16 RCOUNT clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Overhead {
@@ -96,7 +96,7 @@ impl Default for Overhead {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SleepExit {
     /// The registers keep their values (datasheet 7.4.2). This is the default although it is easier
-    /// for the driver: with `LosesOnce` nothing can be measured until the loss has occurred.
+    /// for the driver: with `LosesOnce` the chip cannot measure until the loss has occurred.
     #[default]
     Keeps,
     /// The first time, all registers return to their reset values and the chip falls asleep again:
@@ -350,7 +350,7 @@ impl Switches {
     }
 }
 
-/// The default positions with one switch in each of its other positions.
+/// Sets of switches that differ from the defaults in one switch, for each of its other positions.
 fn moved<T: Copy>(
     variants: &'static [T],
     set: fn(&mut Switches, T),

@@ -58,7 +58,7 @@ fn an_early_termination_may_corrupt_what_follows() {
         assert_eq!(chip.register(0x08), 0x0080);
         chip.stop(T0);
         assert_eq!(chip.register(0x08), stored);
-        // The next transaction is shifted by one bit, the one after it is not.
+        // The next transaction is shifted by one bit; the transaction after that is not.
         let identity = |chip: &mut Chip<[f64; 1]>| {
             chip.start(T0, W);
             chip.write(T0, 0x7E);
@@ -74,7 +74,7 @@ fn an_early_termination_may_corrupt_what_follows() {
         );
         assert_eq!(identity(&mut chip), 0x5449);
         assert_eq!(chip.misuse().early_terminations, 1);
-        // So is a read of one byte, and a probe of the address or the pointer is none.
+        // A read of one byte counts too; a probe of the address or the pointer does not.
         let chip = RefCell::new(chip);
         let mut bus = Bus::new(&chip, 400_000);
         let mut byte = [0];
@@ -120,7 +120,7 @@ fn writes_while_converting() {
         assert_eq!((reported_hz - 3e6).abs() > 1e3, corrupts, "{reported_hz}");
         // At worst half of the edges are lost.
         assert!((1.5e6..3.001e6).contains(&reported_hz));
-        // Another active channel is taken as another count is; sleep always is.
+        // A new active channel is accepted or lost like the new RCOUNT; the sleep bit always works.
         rig.write(0x1A, 0x5601);
         rig.wait(ms(4));
         assert_eq!(rig.chip.borrow().conversions(1) > 0, taken);

@@ -1,4 +1,4 @@
-//! The counter: the form of its words, and what dividers, offset and filter make of them.
+//! The counter: the form of its words, and the effects of dividers, offset and filter on them.
 
 use std::collections::BTreeSet;
 
@@ -97,7 +97,7 @@ fn dividers_and_offset_follow_equation_6() {
         let reference_hz = 40e6 / f64::from(fref);
         let ratio = f64::from(conversion.word) / FULL_SCALE + f64::from(offset) / 65_536.0;
         let off_hz = f64::from(fin) * reference_hz * ratio - 2.5e6;
-        // Half a bit of the word.
+        // Limit in hertz: half a unit of the word's last bit.
         let most_hz = 0.5 * f64::from(fin) * reference_hz / FULL_SCALE;
         assert!(
             off_hz.abs() <= 1.001 * most_hz,

@@ -85,7 +85,7 @@ fn too_short_a_settling_shows_in_amplitude_and_frequency() {
         ..Settings::ideal()
     };
     let settled_v = 4.0 * 3.9e3 * 342e-6 / PI;
-    // Settling time of 16*n/40 MHz; activation with low power, and once with full current.
+    // Settling lasts 16*settle/40 MHz; low-power activation, but full current in the last case.
     for (config, settle, missing, errors) in [
         (
             0x1E01,
@@ -136,7 +136,7 @@ fn automatic_calibration_finds_and_shows_the_code() {
         assert!(first_conversion(&rig).errors.is_empty());
         assert_eq!(rig.read(0x1E) >> 11, code);
     }
-    // Without the calibration nothing is shown.
+    // Without the calibration INIT_IDRIVE0 stays zero.
     let rig = driven(quiet(40e6), [tank(3e3, 20.0)], 20, 0x1601);
     rig.convert(0, 3);
     assert_eq!(rig.read(0x1E), 0xA000);

@@ -1,4 +1,4 @@
-//! Faults of the wires, the chip, its supply and its clock: what the bus sees of each, and its end.
+//! Faults of the wires, the chip, its supply and its clock: effects on the bus, and ends.
 
 use crate::common::*;
 use embedded_hal::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource, Operation};
@@ -31,10 +31,10 @@ fn nack_after_each_number_of_bytes() {
         }
         assert_eq!(rig.try_write(0x08, 0x1234), Ok(()), "two transactions only");
         assert_eq!(rig.read(0x08), 0x1234);
-        // The chip itself refused: that is no early termination.
+        // A byte that the chip refuses is no early termination by the master.
         assert_eq!(rig.chip.borrow().misuse(), Default::default());
     }
-    // S a p S a d d S <- this is the sixth byte that the master sends, and the eighth of all.
+    // S a p S a d d S a: the sixth byte is refused, which is the third address.
     let rig = rig();
     rig.in_next(1, ChipFault::Nack { after_bytes: 5 });
     let (mut high, mut low) = ([0; 2], [0; 2]);
@@ -67,21 +67,21 @@ fn lines_that_are_held_block_until_the_deadline_or_delay() {
         assert!((ms(5)..ms(6)).contains(&rig.now()), "{}", rig.now());
         rig.wait(ms(50));
         assert_eq!(rig.read(0x7E), 0x5449);
-        // Shorter than the deadline.
+        // A line held for less than the deadline delays the read.
         let begin = rig.now();
         rig.for_time(us(100), fault);
         assert_eq!(rig.read(0x7E), 0x5449);
         assert_eq!(rig.now(), begin + us(100 + 120));
     }
-    // SDA within the high byte of a write, whose pointer byte ends at 47.5 us; and within the data
-    // of a read, which start at 72.5 us.
+    // SDA stuck within the high byte of a write, whose pointer byte ends at 47.5 us; and within the
+    // data of a read, which start at 72.5 us.
     let rig = rig();
     rig.schedule(FaultEvent::at(us(50), sda, us(60)));
     assert_eq!(rig.try_write(0x08, 0x1234), Err(I2cError::ArbitrationLoss));
     let rig = self::rig();
     rig.schedule(FaultEvent::at(us(80), sda, us(60)));
     assert_eq!(rig.read(0x7E), 0x5400);
-    // SCL within a read: the transfer is stretched.
+    // SCL held low within a read stretches the transfer.
     let rig = self::rig();
     rig.schedule(FaultEvent::at(us(50), ChipFault::SclStuck, us(500)));
     assert_eq!(rig.read(0x7E), 0x5449);
@@ -106,7 +106,7 @@ fn bit_flips_strike_the_chosen_byte() {
         let strike = Strike::Byte(byte);
         rig.in_next(1, ChipFault::BitFlip { path, strike });
     };
-    // Data bytes that the chip sends, and one that it receives.
+    // A bit flip in each data byte that the chip sends, and in one that it receives.
     for (byte, of_byte) in [(0, 0xFF00), (1, 0x00FF)] {
         flip_next(Path::ReadData, byte);
         let flipped = rig.read(0x7E) ^ 0x5449;
@@ -117,12 +117,12 @@ fn bit_flips_strike_the_chosen_byte() {
     rig.write(0x08, 0x1234);
     let flipped = rig.read(0x08) ^ 0x1234;
     assert!(flipped.is_power_of_two() && flipped < 0x100);
-    // In the pointer: another register is written.
+    // A bit flip in the pointer: another register is written.
     flip_next(Path::Pointer, 0);
     rig.write(0x09, 0x5555);
     assert_eq!(rig.read(0x09), 0x0080);
-    // By chance: one of the two bytes of a read with a probability of 1 - 0.9^2 = 0.19. The noise
-    // of the conversions is not touched by these draws.
+    // Random bit flips: one of the two bytes of a read with a probability of 1 - 0.9^2 = 0.19.
+    // These draws do not affect the noise of the conversions.
     let strike = Strike::Probability(0.1);
     let path = Path::ReadData;
     rig.in_next(u32::MAX, ChipFault::BitFlip { path, strike });
@@ -140,7 +140,7 @@ fn an_early_stop_cuts_the_transaction() {
     assert_eq!(misuse, Default::default(), "the master did no wrong");
     assert_ne!(rig.read(0x7E), 0x5449, "the next transaction is slipped");
     assert_eq!(rig.read(0x7E), 0x5449);
-    // Within a read: the line floats high afterwards.
+    // A STOP within a read: the line floats high afterwards.
     rig.in_next(1, ChipFault::EarlyStop { after_bytes: 4 });
     assert_eq!(rig.read(0x7E), 0x54FF);
 }
@@ -230,7 +230,7 @@ fn a_stuck_interrupt_line() {
 
 #[test]
 fn a_lost_clock_stops_what_counts_with_it_until_it_returns() {
-    // CONFIG with the clock at CLKIN, and with the internal one.
+    // CONFIG with the clock at CLKIN, and with the internal clock.
     for (config, conversions) in [(0x1601, 0..=0), (0x1401, 11..=12)] {
         let rig = rig();
         rig.single(2500);
@@ -249,7 +249,7 @@ fn a_lost_clock_stops_what_counts_with_it_until_it_returns() {
         rig.convert(0, 1);
         assert!(rig.last(0).errors.is_empty() && !rig.last(0).spoilt);
     }
-    // Another clock is counted with from then on.
+    // With another clock at CLKIN, the next conversion counts that clock.
     let rig = rig();
     rig.single(2500);
     rig.convert(0, 1);
@@ -275,7 +275,7 @@ fn a_fault_begins_at_its_time_and_lasts_until_it_is_cleared() {
     rig.chip.borrow_mut().clear_faults();
     rig.wait(ms(500));
     assert_eq!(rig.read(0x7E), 0x5449, "what waited is forgotten too");
-    // One that comes too late begins at once.
+    // A fault whose start time has passed starts at once.
     rig.schedule(FaultEvent::at(ms(1), ChipFault::Absent, ms(1)));
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
 }

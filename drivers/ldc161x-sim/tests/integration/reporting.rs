@@ -34,7 +34,7 @@ fn results_arrive_with_the_interrupt_after_the_last_channel_and_read_as_they_are
         let edge = rig.next_interrupt();
         assert_eq!(edge, rig.last(last).end);
         assert_eq!(rig.chip.borrow().conversions(0), 1);
-        // The UNREADCONV bits run backwards.
+        // The UNREADCONV bits are in reverse order: channel 0 has bit 3.
         let unread = (0..=last).fold(0, |bits, channel| bits | 0x0008 >> channel);
         assert_eq!(rig.chip.borrow().register(0x18), DRDY | unread);
         assert_eq!(rig.read(0x18), DRDY | unread, "looking changed nothing");
@@ -140,7 +140,7 @@ fn results_of_a_cycle_reach_data_one_by_one_or_together() {
         assert_eq!(rig.chip.borrow().last_read(0) == Some(&newest), at_once);
         rig.convert(1, 1);
         assert_eq!(rig.frame(0).1, newest.word, "{overwrite:?}");
-        // If the result is not read, the next cycle overwrites it when its own result is available.
+        // An unread result is overwritten as soon as the next result of its channel reaches DATA.
         rig.convert(0, 2);
         let lost = rig.chip.borrow().overwritten(0);
         assert_eq!(lost, u64::from(at_once), "{overwrite:?}");
@@ -213,12 +213,12 @@ fn status_shows_only_what_is_enabled_or_all_and_intb_only_what_is_enabled() {
     for &reporting in StatusReporting::VARIANTS {
         let shown = |bits| if reporting == always { bits } else { 0 };
         let settings = with_switches(quiet(10e6), |s| s.status_reporting = reporting);
-        // Flags in DATA and DRDY alone.
+        // ERROR_CONFIG with flags in DATA, and DRDY alone on INTB.
         let rig = erring(settings, 0xF801);
         rig.convert(1, 1);
         assert!(!rig.intb_is_low());
         assert_eq!(rig.read(0x18) & 0xFF00, shown(0x5000), "{reporting:?}");
-        // Nothing at all.
+        // ERROR_CONFIG without any report.
         let rig = ChipRig::new(settings, [2e6]);
         rig.single_with(2500, &[(0x19, 0x0000)]);
         rig.convert(0, 1);
