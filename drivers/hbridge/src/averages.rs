@@ -101,8 +101,8 @@ impl<const N: usize> Averages<N> {
             .map_or(0, |sum| sum.load(Ordering::Relaxed))
     }
 
-    /// The end of the block that contains `moment` if that block is complete, otherwise of the last
-    /// complete block before `now`.
+    /// The end of the block that contains `moment` if that block is complete, otherwise the end of
+    /// the last complete block before `now`.
     fn whole(moment: u32, now: u32) -> u32 {
         let end = (moment - moment % BLOCK).wrapping_add(BLOCK);
         let is_whole = now.wrapping_sub(end) as i32 >= 0;
@@ -110,7 +110,7 @@ impl<const N: usize> Averages<N> {
     }
 
     /// The current time, if the window is not empty, not older than the stored blocks, and ends
-    /// less than a block in the future.
+    /// less than a block in the future; otherwise `None`.
     fn kept(&self, from: u32, to: u32) -> Option<u32> {
         let now = self.now();
         // Keeps two more blocks in reserve: the one that the interrupt may be writing, and the one
@@ -226,7 +226,7 @@ mod tests {
         for (from, to) in [(160, 320), (320, 336), (500, 900), (437, 911)] {
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;
             let [by_blocks, mean] = both_means(&averages, from, to);
-            // Half a block of slope at either end, if a block is cut.
+            // The error is half a block of slope at either end, if the window cuts a block.
             assert!(
                 (by_blocks - exact).abs() < 0.2,
                 "{from}..{to}: {by_blocks} {exact}"
@@ -235,10 +235,10 @@ mod tests {
         }
     }
 
-    /// A current that starts to rise within a block, of which a window covers a part. The mean is
-    /// off by less than 0.036 of the rise in a block, times the block; by 0.076 before the next
-    /// block is whole, and by 0.68 in a block that is not whole yet. With constant currents it
-    /// would be off by 0.125, 0.125 and 0.91.
+    /// A current that starts to rise within a block. The error of its sum over a window is below
+    /// 0.036 of the rise in a block times the block's length, 0.076 if the window ends in the last
+    /// whole block, and 0.68 in a block that is not whole yet. If the current counted as constant
+    /// within a block, the errors would be 0.125, 0.125 and 0.91.
     #[test]
     fn a_corner_within_a_block_is_followed() {
         for corner in 480..512 {
@@ -305,7 +305,7 @@ mod tests {
     #[test]
     fn the_last_block_stands_for_what_is_not_there_yet() {
         let averages = ramp(1_000); // 62 blocks and 8 periods
-        // By its mean, and extended along its slope.
+        // `mean_of` repeats the last block's mean; `mean` extends the slope.
         let expected = [100.0 + 976.0 + 7.5, 100.0 + 997.5];
         assert_eq!(both_means(&averages, 992, 1_004), expected);
         for (from, to) in [(992, 1_016), (900, 900), (0, 100)] {

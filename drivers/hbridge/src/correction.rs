@@ -59,7 +59,7 @@ impl Correction {
                     *last
                 };
                 // Proportional to the current, if the currents of knot and outermost pair have the same
-                // sign and the pair's is not too close to zero.
+                // sign and the pair's current is not too close to zero.
                 if (reported_a > 0.0) == (measured > 0.0) && measured.abs() > 64.0 * unit_a {
                     (of - measured) * reported_a / measured
                 } else {

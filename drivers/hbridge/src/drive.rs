@@ -13,8 +13,8 @@ use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
 /// Largest difference of measured current and setpoint, in units, at which the current counts as on
 /// track: 0.15 A on the reference board, twice the noise at the converter's worst codes.
 const NEAR: i32 = 48;
-/// Number of periods for which the control law is evaluated in every period after the current was
-/// off its setpoint.
+/// Number of periods after a current off its setpoint in which the control law is evaluated in
+/// every period.
 const BUSY_PERIODS: u32 = 16;
 
 /// Number of periods after which an order from the supervisor is overdue.
@@ -273,7 +273,7 @@ impl Drive {
         self.measured
     }
 
-    /// Applies an order. The drive keeps its limits whatever the order says.
+    /// Applies an order. The drive enforces its limits on every order.
     pub fn apply(&mut self, order: &Order) {
         self.patience = PATIENCE;
         match &order.0 {
@@ -394,7 +394,7 @@ impl Drive {
         self.line = FixedPointLine::default();
     }
 
-    /// Switches off until the fault is cleared. If a fault is latched already, that one is kept.
+    /// Switches off until the fault is cleared. A fault that is latched already is kept.
     #[inline(never)]
     fn latch(&mut self, fault: Fault) {
         self.stop();

@@ -8,7 +8,7 @@ use crate::watch::ATTENDED_WITHIN;
 /// Safety factor of the energy count: covers the sum of the errors by which current and supply may
 /// be measured too low, which is 2 % of gain and nonlinearity, 5 % of the divider, and the offset.
 const COUNTED: f32 = 1.1;
-/// Number of Newton's steps for the current whose heat equals the continuous power. Far above the
+/// Number of Newton steps for the current whose heat equals the continuous power. Far above the
 /// root each step halves the value: 24 steps suffice from 10^4 times the root.
 const STEPS: u8 = 24;
 
@@ -98,7 +98,7 @@ impl Account {
     }
 
     /// Adds the energy measured over a time. Energy that returns from the coil's field to the
-    /// supply is not subtracted, since it was counted when it entered the field.
+    /// supply stays counted, which errs on the safe side.
     pub fn pass(&mut self, measured_j: f32, elapsed_s: f32) {
         let left_j = self.energy_j - self.continuous_w * elapsed_s;
         self.energy_j = if left_j > 0.0 { left_j } else { 0.0 };
@@ -126,7 +126,7 @@ impl Account {
         self.energy_j + demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j
     }
 
-    /// Time until a profile may start, s; `None` if it needs more than an empty account has.
+    /// Time until a profile may start, s; `None` if its energy exceeds the account's limit.
     #[must_use]
     pub fn wait_s(&self, demand: &EnergyDemand) -> Option<f32> {
         let fits = demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j;

@@ -5,7 +5,7 @@ use crate::fault::Refusal;
 /// Decay mode: how the current falls when it has to fall faster than in the shorted coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decay {
-    /// Slow decay, never faster than that: both outputs are high, so the bridge shorts the coil.
+    /// Slow decay only: both outputs are high, so the bridge shorts the coil.
     Slow,
     /// Fast decay: both inputs are low for a part of each period, and the coil drives its current
     /// through the diodes back into the supply. The current cannot change its sign meanwhile.
@@ -97,8 +97,8 @@ impl Hardware {
 /// Parameters of a coil and its circuit, as found by the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoilParameters {
-    /// Resistance of coil, bridge and supply together, ohm: what the supply's voltage without load
-    /// has to overcome.
+    /// Resistance of coil, bridge and supply together, ohm: the load on the supply's voltage
+    /// without load.
     pub resistance_ohm: f32,
     /// Inductance, H.
     pub inductance_h: f32,

@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_voltage_against_it_coasts_or_shorts() {
-        // 100 * 230 / 256 = 89 of 960 are low on both.
+        // Both inputs are low for 100 * 230 / 256 = 89 of 960 levels.
         assert_eq!(shape(&FAST, -100, 500, 100), (-100, levels(871, 871)));
         assert_eq!(shape(&FAST, 100, -500, 0), (100, levels(871, 871)));
         let slow = Shaper {

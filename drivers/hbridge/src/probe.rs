@@ -2,10 +2,10 @@
 //!
 //! While a current is held, a frozen measurement looks like a working one: the regulator sees no
 //! error, and the true current drifts with noise, heat and rounding. Voltage and resistance reveal
-//! this late, since copper may have 0.6 to 1.6 times the resistance found by its test. So a held
-//! current is raised and lowered a little from time to time. A working measurement follows these
-//! steps, since the regulator ensures it, whatever the coil, the supply and wide codes of the
-//! converter do; a frozen one does not.
+//! a frozen measurement late, since copper may have 0.6 to 1.6 times the resistance found by its
+//! test. So a held current is raised and lowered a little from time to time. A working measurement
+//! follows these steps, which the regulator ensures for any coil, any supply and wide codes of the
+//! converter; a frozen measurement does not.
 
 use crate::averages::BLOCK;
 use crate::drive::{DriveState, Report};
@@ -34,7 +34,7 @@ const HELD: u32 = 200;
 const LOOK: u32 = 4;
 
 /// Periods within which a measurement that freezes is detected, if the current has been held for
-/// [`HELD_BEFORE`] periods: three turns through the steps, after the turn during which it froze.
+/// [`HELD_BEFORE`] periods: the turn during which it froze, and three more turns through the steps.
 pub const FROZEN_WITHIN: u32 =
     (TURNS as u32 + 1) * STEPS.len() as u32 * (SETTLES + MEANS + 2 * LOOK) * BLOCK;
 /// Periods for which a current is held before it is probed; see [`FROZEN_WITHIN`].
@@ -155,8 +155,8 @@ impl Probe {
         let [_, most] = reach.currents;
         let mut step = STEPS.get(self.step).copied().unwrap_or_default();
         if step < 0 && self.at_top {
-            // The current did not reach the raised setpoint, so it is lowered until it certainly
-            // reaches one.
+            // The current did not reach the raised setpoint: the setpoint is lowered by the largest
+            // tracking error, to a current that is certainly reached.
             step -= reach.tracking_error;
         }
         let setpoint = self.held + step * self.held.signum();

@@ -3,8 +3,8 @@
 //! It applies voltage steps and measures the current without regulation. The integer half runs in
 //! the PWM interrupt and sums up; [`evaluate`] computes the parameters from the sums.
 //!
-//! 1. With the bridge asleep, remaining current decays; then the mean reading is the zero. Then the
-//!    bridge wakes.
+//! 1. With the bridge asleep, remaining current decays; then the mean reading gives the zero. Then
+//!    the bridge wakes.
 //! 2. The level rises slowly, at a rate of the full level in [`RISE_PERIODS`], until [`TARGET_A`]
 //!    flows.
 //! 3. The level stays there, then steps to up to [`FACTOR`] times that level. The two levels and

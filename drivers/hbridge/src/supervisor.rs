@@ -138,7 +138,7 @@ impl Supervisor {
     }
 
     /// Resistance of the circuit, ohm, from the last 16 ms in which more than half an ampere
-    /// flowed. Less the resistance of bridge and supply, it serves as a thermometer of the copper.
+    /// flowed. Less the resistance of bridge and supply, it shows the copper's temperature.
     #[must_use]
     pub const fn resistance_ohm(&self) -> Option<f32> {
         self.resistance_ohm
@@ -174,8 +174,8 @@ impl Supervisor {
         self.account.charge(energy_j);
     }
 
-    /// Whether the cause of the latched fault is known: at most 6 ms after the bridge switched off.
-    /// The supply may be the cause of a missing current, and its reading lags behind.
+    /// Whether the cause of the latched fault is known, which takes at most 6 ms after the bridge
+    /// switched off: a weak supply may be the cause, and its reading lags behind.
     #[must_use]
     pub const fn is_cause_known(&self) -> bool {
         self.blame.is_settled()
@@ -385,9 +385,9 @@ impl Supervisor {
     }
 
     /// Takes a reading of the supply. If [`attend`](Self::attend) receives a smoothed value, call
-    /// this before it with the latest reading, and with the reading at the moment at which the
-    /// bridge switched off. The lowest of these readings shows whether a supply that broke down
-    /// caused a missing current.
+    /// this before each `attend` with the latest reading, and with the reading at the moment at
+    /// which the bridge switched off. The lowest of these readings shows whether a supply that
+    /// broke down caused a missing current.
     pub fn read_supply(&mut self, reading_v: f32) {
         let lowest_v = self
             .lowest_v

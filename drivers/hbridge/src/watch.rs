@@ -88,7 +88,7 @@ impl Watch {
         let fault = self.judge(block, gains, bounds, setpoint, measured);
         self.on = self.on.saturating_add(BLOCK);
         self.last = measured;
-        // Another block would exceed the on-time.
+        // The on-time would exceed its limit within the next block.
         let late = (self.on + BLOCK > bounds.on_periods).then_some(Fault::OnTime);
         late.or(fault)
     }
@@ -101,8 +101,8 @@ impl Watch {
         setpoint: Setpoint,
         measured: i32,
     ) -> Option<Fault> {
-        // Level that the measured current needed, summed over the block: resistive drop i, plus
-        // inductive di/pull.
+        // Level that the measured current i needed, summed over the block: `drop` i for the
+        // resistance, plus di / `pull` for the inductance.
         let resistive = (gains.drop >> 4) * (block.units >> 4);
         let change = (measured - self.last).clamp(-8_000, 8_000);
         let inductive = (gains.kick * change) >> 12;
