@@ -1,6 +1,6 @@
 //! The direction of dependencies: cargo-deny compares the list `deny` in `deny.toml` with the
-//! workspace. Here is what that list cannot say: that no library is left out of it, and in which
-//! table of a manifest a dependency stands.
+//! workspace. This module checks what that list cannot express: that the list has every library,
+//! and in which table of a manifest a dependency stands.
 
 use std::fs;
 
@@ -29,7 +29,7 @@ const BEGINNINGS: &[&str] = &[
     "stm32",
 ];
 const ENDS: &[&str] = &["-hal", "-pac"];
-/// Names of that kind that are traits, or emulators for a PC.
+/// Crates with such names that are traits, or emulators for a PC.
 const FOR_A_PC: &[&str] = &["embedded-hal", "rp2040-emu", "rp2350-emu"];
 
 /// Checks this workspace and returns a line with the number of crates.
@@ -52,7 +52,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
             faults.join("\n    ")
         );
     }
-    // A dependency that is gone is to be taken out of the list.
+    // With `unused-wrapper`, a dependency that is listed but no longer exists is an error.
     let deny = ["deny", "--locked", "check", "-D", "unused-wrapper", "bans"];
     workspace.run(&Invocation::cargo(&deny))?;
     Ok(format!(
@@ -61,7 +61,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     ))
 }
 
-/// A library on which any crate could depend, since the list has no entry for it.
+/// Describes a library that the list lacks: any crate could depend on that library.
 fn unlisted(package: &Package, rules: &str) -> Option<String> {
     package.library()?;
     let entry = format!("crate = \"{}\", wrappers = [", package.name);

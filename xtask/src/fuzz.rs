@@ -16,14 +16,14 @@ use crate::setup::NIGHTLY;
 
 /// Targets, as in `fuzz/Cargo.toml`.
 const TARGETS: &[&str] = &["commands", "frames", "storage"];
-/// Seconds per target in the gate: enough for some hundred boards.
+/// Seconds per target in the gate: enough to run some hundred boards.
 const SECONDS_IN_GATE: u32 = 10;
 /// Seed of the fuzzer in the gate: the same for all developers.
 const SEED_IN_GATE: u32 = 1;
 /// Folder of a run's build and results.
 const FOLDER: &str = "target/fuzz";
 /// Seconds after which an input counts as endless: a script of half a minute of board time takes
-/// one.
+/// one second.
 const LONGEST: u32 = 60;
 
 /// Result of a target.

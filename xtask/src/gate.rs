@@ -199,7 +199,7 @@ fn arm_checks() -> Vec<Step> {
             name: "no-std",
             purpose: "the no_std crates build where there is no standard library",
             needs: targets().collect(),
-            // Each is its own command: in one, a dependency would get the features requested by any crate.
+            // One command per library: in a single one, a dependency would get the features of all requests.
             action: Action::Commands(
                 on_every_target("build", &["--no-default-features"])
                     .chain(on_every_target("build", &["--all-features"]))
@@ -254,7 +254,7 @@ fn fuzzing() -> Step {
 
 /// Packages the crates intended for the registry, and builds them from the packages.
 ///
-/// All in one command, so that one may depend on another that is not yet in the registry.
+/// One command for all, so that a crate may depend on another one that is not yet in the registry.
 fn packaging() -> Step {
     let mut arguments = vec!["publish", "--dry-run", "--allow-dirty"];
     arguments.extend(["--locked", "--all-features"]);
@@ -329,7 +329,7 @@ fn clippy_for_firmware() -> Invocation {
 
 /// Build of an example for a microcontroller.
 fn mcu_example(&(package, example, target): &(&str, &str, &str)) -> Invocation {
-    // The firmware's examples exceed the memory without its optimisation.
+    // Without the firmware's optimisation, its examples exceed the memory.
     let profile = if package == FIRMWARE {
         "firmware"
     } else {

@@ -14,8 +14,8 @@ use crate::repository;
 /// First folders of absolute paths that exist on one machine only.
 const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
 
-/// Crates of a microcontroller. Only the one folder of the firmware's sources below may name them:
-/// the instrument's logic is tested on a PC, and another board needs another folder.
+/// Crates of a microcontroller. Within the firmware's sources, only the board's folder may name
+/// them: the instrument's logic is tested on a PC, and another board needs another folder.
 const MICROCONTROLLER: &[&str] = &["rp2040_pac", "rp2040_hal", "rp2040_boot2", "cortex_m"];
 const FIRMWARE_SOURCES: &str = "firmware/src/";
 const BOARD_FOLDER: &str = "firmware/src/board/rp2040/";
@@ -23,7 +23,7 @@ const BOARD_FOLDER: &str = "firmware/src/board/rp2040/";
 /// the device.
 const RTIC_DEVICE: (&str, &str) = ("firmware/src/main.rs", "#[rtic::app(device = rp2040_pac,");
 
-/// Folders of build output; below, endings of its file names.
+/// Folders of build output, and endings of its file names.
 const OUTPUT_FOLDERS: &[&str] = &["target", "__pycache__", "node_modules"];
 const OUTPUT_ENDINGS: &[&str] = &[
     ".o", ".a", ".d", ".elf", ".hex", ".map", ".profraw", ".pyc", ".rlib", ".rmeta", ".so", ".uf2",
@@ -55,7 +55,7 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     );
 }
 
-/// All violations in one file, each with its place.
+/// All violations in one file, each with its location.
 fn check_file(name: &str, content: &[u8]) -> Vec<String> {
     if is_build_output(name, content) {
         return vec![format!("{name}: is build output")];

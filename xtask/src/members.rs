@@ -1,9 +1,9 @@
-//! What the gate has to know of the workspace's crates and cargo does not.
+//! Facts about the workspace's crates that the gate needs and cargo does not know.
 
 /// Microcontroller targets: the least capable supported core, and one with an FPU.
 pub(crate) const ARM_TARGETS: &[&str] = &["thumbv6m-none-eabi", "thumbv7em-none-eabihf"];
 
-/// The firmware, the only crate that is not built for a PC; below, the target of its image.
+/// The firmware, the only crate that is not built for a PC, and the target of its image.
 pub(crate) const FIRMWARE: &str = "palpate-firmware";
 pub(crate) const FIRMWARE_TARGET: &str = "thumbv6m-none-eabi";
 

@@ -1,4 +1,4 @@
-//! What `cargo metadata` says of the workspace's packages.
+//! The workspace's packages, as `cargo metadata` describes them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(crate) struct Dependency {
     pub(crate) kind: Option<String>,
     /// Whether the dependency is active only with a feature.
     pub(crate) optional: bool,
-    /// Platform of an entry that is not for all of them.
+    /// Platform of the entry; `None` means all platforms.
     pub(crate) target: Option<String>,
 }
 
@@ -50,7 +50,7 @@ pub(crate) struct Target {
     /// Root of its source.
     #[cfg(test)]
     pub(crate) src_path: PathBuf,
-    /// Whether cargo runs its tests, and those of its documentation.
+    /// Whether cargo runs the target's tests, and (`doctest`) those of its documentation.
     #[cfg(test)]
     pub(crate) test: bool,
     #[cfg(test)]

@@ -1,8 +1,8 @@
 //! `cargo demo` and `cargo xtask test` share one build: each reuses the crates that the other has
 //! compiled.
 //!
-//! Cargo builds a crate again if it is requested with other features, and with it all of its
-//! dependents.
+//! Cargo rebuilds a crate, and all crates that depend on it, if the crate is requested with other
+//! features.
 
 use std::collections::{BTreeMap, BTreeSet};
 

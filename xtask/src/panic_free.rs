@@ -13,8 +13,8 @@ use crate::process::{Invocation, Workspace};
 /// Target for which the program is linked.
 pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 
-/// The program: an example that calls every public method of the driver. Below, its package, and
-/// the folder of the memory map.
+/// The program: an example that calls every public method of the driver. Then its package, and the
+/// folder of the memory map.
 const PROGRAM: &str = "every_method";
 const PACKAGE: &str = "ldc161x";
 const FOLDER: &str = "drivers/ldc161x/examples";

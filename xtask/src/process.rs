@@ -125,7 +125,7 @@ impl Workspace {
         let mut command = invocation.command(self);
         let started = stream(&mut command, writer).spawn();
         let mut child = started.with_context(|| invocation.cannot_start())?;
-        // It holds the pipe's other end, without whose end the loop has none.
+        // The loop ends only when the pipe's write end is closed, which `command` holds.
         drop(command);
         let mut printed = String::new();
         for line in BufReader::new(reader).lines() {

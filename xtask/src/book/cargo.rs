@@ -75,7 +75,7 @@ impl Cargo {
         })
     }
 
-    /// Description of a name in a command that does not exist; `None` if all exist. Words in
+    /// Describes a name in a command that does not exist; `None` if all names exist. Words in
     /// capitals are placeholders.
     pub(super) fn fault_of(&self, command: &str) -> Option<String> {
         let command = command.split(" #").next().unwrap_or_default();
@@ -129,7 +129,7 @@ impl Contents {
         let folder = package.folder().strip_prefix(workspace.root())?.to_owned();
         let sources = files.iter().filter(|file| file.ends_with(".rs"));
         let sources = sources.filter(|file| Path::new(file).starts_with(&folder));
-        // A file that git lists and that is deleted has no names.
+        // Git may list a deleted file; it has no names.
         let sources = sources.map(|file| fs::read_to_string(workspace.root().join(file)));
         let sources = sources.map(Result::unwrap_or_default).collect();
         let targets = package.targets.iter().flat_map(|target| {

@@ -20,11 +20,11 @@ use crate::repository;
 use cargo::Cargo;
 use markdown::Page;
 
-/// Folder of the book; below, its list of pages.
+/// Folder of the book, and its list of pages.
 const BOOK: &str = "docs";
 const SUMMARY: &str = "docs/SUMMARY.md";
 
-/// Pages that record the past; paths in them may no longer exist, and in the first two commands.
+/// Records of the past: they may name paths, and the first two also commands, that no longer exist.
 const RECORDS: [&str; 3] = ["CHANGELOG.md", "docs/evidence/", "docs/decisions/"];
 
 /// A fault in the text.

@@ -45,7 +45,7 @@ fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
     let count = workspace
         .output(&Invocation::new("git", &arguments))
         .with_context(|| format!("its commit `{commit}` is not in this repository"))?;
-    // Git knows the tracked paths: a folder whose files are gone may be left in one checkout.
+    // Asks git: a checkout may still have a folder whose tracked files are gone.
     if let Some(path) = paths.iter().find(|path| {
         let files = workspace.output(&Invocation::new("git", &["ls-files", "--", path]));
         files.unwrap_or_default().is_empty()
@@ -59,7 +59,7 @@ fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
 mod tests {
     use super::*;
 
-    /// In a clone without history, or without git, there is nothing to compare.
+    /// Checks nothing in a clone without history, or without git.
     #[test]
     fn a_result_is_as_old_as_the_commits_on_its_paths() {
         let workspace = Workspace::find(None).unwrap();

@@ -5,7 +5,7 @@
 //! A campaign is a command of this workspace. It may print any text, and prints its result to
 //! standard output between a line that ends with [`document::BEGIN`] and a line that is
 //! [`document::END`], as Markdown. Its first paragraph is the figure: the result in a sentence or
-//! two. What follows, some 30 lines at most, stays where a reader would question the figure; long
+//! two. Details may follow, some 30 lines at most, if a reader would question the figure; long
 //! tables are printed before the first marker. The command exits with success only when its claim
 //! holds. Its seed is the argument after `--seed`.
 //!
@@ -345,7 +345,7 @@ pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
             known.join(", ")
         );
     };
-    // Read before the run: the run builds this state of the sources.
+    // Read before the run, which builds this state of the sources.
     let origin = Origin::read(workspace, FOLDER)?;
     let invocation = campaign.invocation();
     write(
@@ -433,7 +433,7 @@ mod tests {
         assert_eq!(record.details, "## Schedules");
     }
 
-    /// Short enough for one engineer to read them.
+    /// Pages are short enough for one engineer to read all of them.
     #[test]
     fn pages_are_short_and_every_campaign_has_one_row() {
         let folder = Workspace::find(None).unwrap().root().join(FOLDER);

@@ -167,7 +167,7 @@ fn branches(start: u64, code: &[u8]) -> impl Iterator<Item = (u64, u64)> + '_ {
     })
 }
 
-/// Offset of a branch with link; `None` if the two halves are not one.
+/// Offset of a branch with link; `None` if the two halfwords are no such branch.
 fn with_link(first: u16, second: u16) -> Option<i64> {
     let bit = |of: u16, number: u16| i64::from(of >> number & 1);
     let sign = bit(first, 10);
@@ -180,7 +180,7 @@ fn with_link(first: u16, second: u16) -> Option<i64> {
     (second & 0xD000 == 0xD000).then_some(offset)
 }
 
-/// Whether a function of `core` ends in a panic, except that of futures.
+/// Whether a function of `core` ends in a panic; the check of futures does not count.
 fn is_machinery(name: &str) -> bool {
     let last = name.rsplit("::").next().unwrap_or(name);
     let panics = name.contains("panicking::")
@@ -193,8 +193,8 @@ fn is_of_core(name: &str) -> bool {
     name.starts_with("core::")
 }
 
-/// Crate of a function, by its path; for an implementation that of the type. An interrupt's name
-/// stands for itself.
+/// Crate of a function, from its path; for an implementation, the crate of the type. The handler of
+/// an interrupt has no path: its name is returned.
 fn part(name: &str) -> String {
     let path = name.trim_start_matches(['<', '&', '*']);
     let path = path

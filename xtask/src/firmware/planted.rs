@@ -1,7 +1,7 @@
 //! Images with a planted defect, to test the tests.
 //!
 //! All are built from one copy of the workspace, in which each defect is planted in turn. Separate
-//! folders do not work: cargo takes a package with the same path in another workspace for the same
+//! folders do not work: cargo treats packages with the same path in two workspaces as the same
 //! package, and compares only the files' times.
 
 use std::fs::{self, File};

@@ -11,7 +11,7 @@ const END: u32 = 0x0AB1_6F30;
 const FAMILY_PRESENT: u32 = 0x2000;
 /// Family ID of the RP2040.
 const FAMILY: u32 = 0xE48B_FF56;
-/// Bytes of a block; below, of a block's payload: a page of the flash.
+/// Bytes of a block, and of its payload: one page of the flash.
 const BLOCK: usize = 512;
 const PAGE: u32 = 256;
 const FLASH: core::ops::Range<u32> = 0x1000_0000..0x1020_0000;

@@ -9,7 +9,7 @@ use crate::process::{Invocation, Workspace};
 
 /// List of the defects.
 pub(super) const LIST: &str = "tests/planted-defects.toml";
-/// Folder of the copy of the sources; below, of the copy's build.
+/// Folder of the copy of the sources, and of the copy's build.
 const SOURCE: &str = "target/planted-defects/source";
 const BUILD: &str = "target/planted-defects/build";
 

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use flate2::{Compression, GzBuilder};
 use tar::{Builder, EntryType, Header};
 
-/// Mode of plain files; below, of programs.
+/// Modes of plain files and of programs.
 const READ: u32 = 0o644;
 const RUN: u32 = 0o755;
 

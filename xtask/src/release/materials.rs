@@ -17,7 +17,7 @@ const BILL: &str = "bill-of-materials";
 struct Program<'a> {
     /// Name of the program's files.
     name: &'a str,
-    /// Package of the program; below, its manifest.
+    /// Package of the program, and its manifest.
     package: &'a str,
     manifest: &'a str,
     /// Target of the build.

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
-/// Refuses files that contain the path of one of some folders.
+/// Refuses files that contain the path of one of `folders`.
 ///
 /// # Errors
-/// If a file does, or cannot be read.
+/// If a file contains such a path, or cannot be read.
 pub(super) fn refuse(files: &[&Path], folders: &[PathBuf]) -> Result<()> {
     for file in files {
         let contents =
