@@ -1,4 +1,4 @@
-//! Bytes over the links of a board.
+//! Fuzz target: bytes over the links of a board.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Bytes as records and as commands.
+//! Fuzz target: bytes decoded as records and as commands.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

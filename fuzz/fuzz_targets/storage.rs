@@ -1,4 +1,4 @@
-//! Bytes as what is done to a storage's flash.
+//! Fuzz target: bytes as operations on a storage's flash.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
