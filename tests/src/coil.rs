@@ -12,8 +12,8 @@ use palpate_sim::thermal::{COPPER_PER_KELVIN, ThermalParameters, ThermalState};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Number of steps of a sequence. Up to 600 periods pass between two of them, or half a second in
-/// one sequence of eight, to test heating.
+/// Number of steps of a sequence, and one in how many sequences is hot. Up to 600 periods pass
+/// between two steps, or half a second in a hot sequence, to test heating.
 const STEPS: u32 = 12;
 const HOT: u64 = 8;
 /// Periods of the PWM per step of the temperatures: 1 ms.
@@ -38,9 +38,9 @@ const TEMPERATURE_K: f64 = 5.0;
 pub struct Summary {
     /// Number of sequences.
     pub sequences: u64,
-    /// Number of accepted current lines; below, of refused orders.
+    /// Number of accepted current lines.
     pub begun: u64,
-    /// See [`begun`](Self::begun).
+    /// Number of refused orders.
     pub refused: u64,
     /// Count of each latched fault, by its index in [`Fault::ALL`].
     pub faults: [u64; Fault::ALL.len()],
@@ -50,10 +50,9 @@ pub struct Summary {
     pub peak_a: f64,
     /// Largest share of the allowed energy that was used.
     pub energy: f64,
-    /// Largest error of the predicted copper temperature, K; below, the highest temperature above
-    /// the initial one, K.
+    /// Largest error of the predicted copper temperature, K.
     pub error_k: f64,
-    /// See [`error_k`](Self::error_k).
+    /// Highest copper temperature above the initial one, K.
     pub rise_k: f64,
     /// Violated limits: seed and description.
     pub defects: Vec<(u64, String)>,
@@ -224,8 +223,8 @@ impl GuardSequence {
             KelvinPerWatt(self.heat.copper_to_pad_k_per_w as f32),
             KelvinPerWatt(self.heat.pad_to_ambient_k_per_w as f32),
         );
-        // The plant counts from 25 degrees Celsius; the calibration knows the resistance within a
-        // percent.
+        // The plant's temperatures are relative to 25 degrees Celsius; the calibration knows the
+        // resistance within a percent.
         let error = self.chance.random_range(0.99..1.01);
         self.prediction = nodes.ok().map(|nodes| Prediction {
             nodes,
@@ -482,8 +481,8 @@ impl GuardSequence {
             return;
         };
         if !sound || !self.measured {
-            // Current through a short, or past the measurement, heats something else or is
-            // unmeasured: the guards above bound it, and a prediction is impossible.
+            // Current through a short, or beyond the measurement, heats something else or is
+            // unmeasured: a prediction is impossible. The guards above bound such currents.
             self.measured = false;
             return;
         }

@@ -381,8 +381,8 @@ impl<'a, S: Sensors> Program<'a, S> {
         Ok(running)
     }
 
-    /// All temporary faults have passed: unless a permanent one remains, the program must detect
-    /// its losses, recover, and measure again.
+    /// Finishes the schedule when all temporary faults have passed: unless a permanent one remains,
+    /// the program must detect its losses, recover, and measure again.
     fn finish(&mut self, mut running: bool, lasting_fault: bool) -> Result<(), Defect> {
         let end = self.now() + Time::from_ms(RECOVERY_MS);
         while self.now() < end && !self.outcome.measuring {
@@ -637,8 +637,8 @@ impl Summary {
     }
 }
 
-/// Runs schedules `first` to `first + count - 1` by `run`: [`run`], or [`run_with`] one kind of
-/// protection.
+/// Runs the schedules of seeds `first` to `first + count - 1` by `run`, which is [`run`] or calls
+/// [`run_with`] with one kind of protection.
 pub fn campaign(
     first: u64,
     count: u64,

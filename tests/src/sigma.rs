@@ -41,8 +41,8 @@ pub struct Scatter {
 /// Position of the simulated comparator's falling edge: consistent with posted words, and away from
 /// the values at which phases coincide.
 const DUTY: f64 = 0.29;
-/// Half a sensor period in reference periods of 25 ns: four phases between the edges of sensor and
-/// reference, from in step (greatest quantisation) to half a step apart (least).
+/// Half sensor periods of the channels, in reference periods of 25 ns. The phases between the edges
+/// of sensor and reference run from in step (greatest quantisation) to half a step apart (least).
 const HALF_PERIODS: [f64; 4] = [6.05, 6.27, 6.5, 5.73];
 /// Relative frequency sweep of the sensors, so that no phase stays constant: at the shortest
 /// conversion, RCOUNT 100, the count repeats after 0.06 %.
@@ -54,7 +54,7 @@ const SWEEPS: f64 = 5.39;
 /// Time limit of a frame, longer than any frame takes.
 const LONGEST_FRAME: Time = Time::from_ms(60_000);
 
-/// Reads `readings` frames and compares.
+/// Reads `readings` frames and returns the scatter of each channel.
 ///
 /// # Errors
 ///
@@ -271,7 +271,7 @@ impl Sensors for Sweeping {
     }
 }
 
-/// Reads `readings` frames by a plan and compares.
+/// Reads `readings` frames by a plan and returns the scatter of each channel.
 ///
 /// # Errors
 ///
@@ -305,9 +305,9 @@ pub fn measure_plan(
     compare(&plan.configuration, settings, sensors, readings)
 }
 
-/// Period of the sensors' sweep, s: not an integer fraction of the run, and so long that they move
-/// by at most a fifth of the stated uncertainty in a third of a period. The mean between the
-/// counted edges is then that of the whole conversion.
+/// Period of the sensors' sweep, s: not an integer fraction of the run, and so long that a
+/// frequency moves by at most a fifth of the stated uncertainty in a third of a sensor period. The
+/// mean between the counted edges is then that of the whole conversion.
 fn sweep_s(sensor: &Sensor, plan: &Plan, readings: u32) -> f64 {
     let [low, high] = [sensor.lowest_hz, sensor.highest_hz].map(f64::from);
     let first = plan.configuration.acquisition.channels().next();

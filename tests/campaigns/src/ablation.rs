@@ -30,7 +30,7 @@ use crate::drawn::DrawnSensors;
 /// Depth of the presses, in units of the working depth.
 const DEPTH: f64 = 1.0;
 
-/// Number of variants that leave nothing out.
+/// Number of variants that leave no part out; they are the first ones.
 const WHOLE: usize = 4;
 
 /// A variant of calibration and press. The instrument itself is always the same: a part is left out

@@ -1,8 +1,8 @@
 //! `cargo campaign budget`: each part of the claimed uncertainty against the error that it stands for.
 //!
-//! Every load is pressed three times on the same sensor, in the same world: as it is; without
-//! vibration and noise; and so at the bench's temperature. What differs between two presses is the
-//! error of one cause, and what is left of the third is that of the calibration.
+//! Every load is pressed three times on the same sensor, in the same world: with all disturbances;
+//! without vibration and noise; and without these, at the bench's temperature. The difference of
+//! two presses is the error of one cause; the error of the third is that of the calibration.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -293,8 +293,8 @@ impl Ratio {
 mod tests {
     use super::*;
 
-    /// A small version of the campaign: the parts of an error add up to it, those of the claim by
-    /// their squares.
+    /// A small version of the campaign: the parts of an error add up to the error, and the squares
+    /// of the claimed parts to the square of the claim.
     #[test]
     fn the_parts_add_up() {
         let arguments = Arguments {

@@ -33,7 +33,7 @@ pub(crate) fn run(&Arguments { schedules, seed }: &Arguments) -> ExitCode {
     conclude(&text, summary.defects.is_empty())
 }
 
-/// The benefit of reading twice is a figure, not a claim.
+/// Describes the results; the benefit of reading twice is a figure, not a claim.
 fn describe(summary: &Summary, unprotected: &Summary) -> String {
     let errors = summary.errors.iter();
     let errors: Vec<_> = errors

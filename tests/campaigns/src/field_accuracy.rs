@@ -109,7 +109,7 @@ fn measured() -> Result<bool, Box<dyn core::error::Error>> {
 }
 
 /// A ring above copper sheets, wide and thin, at a frequency: estimated against true errors.
-/// Returns the greatest of them, and whether every estimate covers its error.
+/// Returns the greatest of these errors as text, and whether every estimate covers its error.
 fn sheets() -> Result<(String, bool), Box<dyn core::error::Error>> {
     const RADIUS_M: f64 = 10.0;
     const COPPER_S_PER_M: f64 = 5.8e7;

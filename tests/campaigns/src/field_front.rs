@@ -190,7 +190,7 @@ fn percent(bin: &Value, key: &str) -> String {
     share.map_or(String::new(), |share| format!("{:.2} %", 100.0 * share))
 }
 
-/// The front, to 1e-4, beside the design as it is at the same power.
+/// Table of the front, to 1e-4, beside the unchanged design at the same power.
 fn table_of_front(front: &Value) -> Result<String, Failure> {
     let mut text = String::from(
         "| power, W | current, A | disc, mm | rim, mm | merit eps w_D w_L | of the design as it is |\n|---|---|---|---|---|---|\n",

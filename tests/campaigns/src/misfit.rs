@@ -375,7 +375,7 @@ mod tests {
 
     use super::*;
 
-    /// A sensor whose calibration has no lag, play and creep, while the press has: the creep as
+    /// A sensor that has lag, play and creep in the press, but not in its calibration: the creep as
     /// drawn, a lag of 10 ms and a play of a tenth.
     fn without_lag_play_and_creep(seed: u64) -> CalibratedInstrument {
         let stack = Stack::builtin("ultrasoft").unwrap();

@@ -33,13 +33,13 @@ use serde::Serialize;
 
 use crate::drawn::DrawnSensors;
 
-/// Time after the object is gone after which nothing may touch the sensor any more, s.
+/// Time after lift-off from which on any contact is a ghost, s.
 const GONE_S: f64 = 1.0;
 /// Time after lift-off in which a refusal may still concern the press, s.
 const SOON_S: f64 = 0.2;
 /// Interval between two changes of the ambient temperature.
 const SLICE: Time = Time::from_ms(1_000);
-/// Greatest rate at which the room warms or cools, K/s; below, greatest change, K.
+/// Greatest rate, K/s, and greatest change, K, of the room's temperature.
 const WARMING_K_PER_S: f64 = 2.0 / 60.0;
 const MOST_WARMING_K: f64 = 10.0;
 
@@ -242,8 +242,8 @@ impl Series {
 }
 
 impl Row<'_> {
-    /// Power on. In one of four series an object lies on the sensor, and in half of those the board
-    /// is armed while it lies there.
+    /// Switches the board on. In one of four series an object lies on the sensor, and in half of
+    /// those the board is armed while it lies there.
     fn begin(&mut self, instrument: &CalibratedInstrument) -> Result<(), Failure> {
         let lies = self.chance(0.25);
         let lifted_first = self.chance(0.5);
@@ -537,7 +537,7 @@ impl SeriesResult {
     }
 }
 
-/// Coverage of presses, with the sensors as units.
+/// Coverage of presses, with the sensors as sampling units.
 fn coverage(all: &[Series], presses: fn(&Series) -> &[Press]) -> Coverage {
     Coverage::of(all.iter().map(|series| {
         let counted = Counted::of(presses(series).iter());

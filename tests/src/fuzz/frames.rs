@@ -104,7 +104,7 @@ fn write<M: Message + core::fmt::Debug>(
         .map_err(|error| format!("{frame:?}: {error}"))
 }
 
-/// Checks that the next frame after a zero is received.
+/// Checks that a valid frame after a zero byte is received.
 fn is_back_in_step<M: Message, const N: usize>(mut decoder: Decoder<M, N>) -> Result<(), String> {
     // A kind that neither direction has: the header is decoded for any message.
     let header = Header {

@@ -14,7 +14,7 @@ impl<'a> Reader<'a> {
         u16::from_le_bytes([self.byte(), self.byte()])
     }
 
-    /// Bytes with their number before them.
+    /// Reads a length byte and as many bytes.
     pub(super) fn bytes(&mut self) -> &'a [u8] {
         let length = usize::from(self.byte()).min(self.0.len());
         let (bytes, rest) = self.0.split_at(length);

@@ -1,6 +1,6 @@
 //! The storage on a flash with any content.
 //!
-//! A script is a list of steps, each with a byte before it that selects it.
+//! A script is a list of steps; the byte before each step selects its kind.
 
 use core::cell::Cell;
 use core::pin::pin;
@@ -18,7 +18,7 @@ use palpate_wire::{Command, Message};
 use super::reader::Reader;
 use crate::hostile::configuration;
 
-/// Most steps of a script; a fuzzer's would never end.
+/// Largest number of steps that run; a fuzzer's scripts may be of any length.
 const STEPS: usize = 64;
 /// Number of operations after which a call counts as endless: 64 for every word of the area. A save
 /// into an area filled with one byte, `filled-after-a-save` of the corpus, takes less than a quarter.
@@ -91,7 +91,7 @@ impl StorageBench {
         Ok(())
     }
 
-    /// Result of a call, which never waits, and must end.
+    /// Runs a call and returns its result; the call must end without waiting.
     fn call<T>(&self, future: impl Future<Output = T>) -> Result<T, String> {
         self.patience.set(PATIENCE);
         match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {

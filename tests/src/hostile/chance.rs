@@ -154,7 +154,7 @@ fn any_field(field: &Field, chance: &mut Pcg64, to: &mut Vec<u8>) {
     any_value(&field.of, range, chance, to);
 }
 
-/// A value of a type, usually within its limits.
+/// Appends a value of a type, usually within its limits.
 fn any_value(of: &Type, range: [f64; 2], chance: &mut Pcg64, to: &mut Vec<u8>) {
     // Small numbers as often as large ones.
     let bits = chance.random::<u32>() >> chance.random_range(0..32);

@@ -8,8 +8,8 @@ use palpate_wire::{
     Command, CommandDecoder, Frame, FrameError, Header, Message, Record, RecordDecoder, encode,
 };
 
-/// Longest wait for an answer: that of a command that waits for the coil's test, which takes a
-/// tenth of a second.
+/// Longest wait for an answer: a command may wait for the coil's test, which takes a tenth of a
+/// second.
 const ANSWER: Time = Time::from_ms(500);
 
 /// A PC at one end of a link: it records its requests, and checks the answers.
@@ -122,13 +122,13 @@ impl Peer {
         }
     }
 
-    /// Whether this link has requested a record that no other link received.
+    /// Whether this link has requested a record of this kind, which no other link then receives.
     pub(super) fn may_have(&self, record: &[u8]) -> bool {
         // Version and kind come first, after the offset to the first zero.
         record.get(2).is_some_and(|kind| self.own.contains(kind))
     }
 
-    /// The board has restarted: all earlier requests must have been answered.
+    /// Handles a restart of the board: all earlier requests must have been answered.
     pub(super) fn restarted(&mut self) -> Result<(), String> {
         if !self.open.is_empty() {
             return Err(format!("not answered before a restart: {:?}", self.open));

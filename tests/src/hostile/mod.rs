@@ -2,11 +2,11 @@
 //! state, and keeps its promises.
 //!
 //! - It neither panics nor stops reading bytes.
-//! - Every command that arrives complete has exactly one answer, on its own link; answers
-//!   go nowhere else, and everything else goes to both links.
+//! - Every command that arrives complete has exactly one answer, on its own link. Answers
+//!   go to no other link; all other records go to both links.
 //! - The coil carries current only while the device is armed and no fault is latched, and never
 //!   more than the drive's limits of current, time and energy allow.
-//! - At the end it can be disarmed.
+//! - At the end the board can be disarmed.
 //!
 //! The input is a [script] of bytes, so random campaigns, fuzzers and files share one format.
 

@@ -25,7 +25,7 @@ pub enum Move {
     Calibrate(Link),
 }
 
-/// Run that a frame addresses.
+/// Run of the board, from one boot to the next, that a frame addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Addressee {
     /// The present run.
@@ -122,7 +122,7 @@ fn first(of: u8, link: Link, addressee: Addressee) -> u8 {
     of | (addressee as u8) << 3 | u8::from(link == Link::Usb) << 7
 }
 
-/// At most 255 bytes, with their number before them.
+/// Writes a length byte and at most 255 bytes.
 fn long(bytes: &[u8], to: &mut Vec<u8>) {
     let bytes = bytes.get(..255).unwrap_or(bytes);
     to.push(bytes.len() as u8);

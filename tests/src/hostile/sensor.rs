@@ -26,13 +26,13 @@ const OBJECT_N_PER_M: f64 = 6e3;
 /// Time for a press to settle.
 const REST: Time = Time::from_ms(1_000);
 
-/// A plant, with its user's knowledge of it.
+/// A simulated sensor, with a calibration by its user.
 pub(super) struct Sensor {
     plant: Parameters,
     /// Positions of the press, lifted and deepest, m.
     pub(super) travel_m: [f64; 2],
-    /// Commands of a calibration with short trains at every contact, complete for an estimate, in
-    /// order of their numbers.
+    /// Commands of a calibration that suffices for an estimate, with settings for a short train at
+    /// every contact; in order of their numbers.
     pub(super) calibration: Vec<Command>,
 }
 

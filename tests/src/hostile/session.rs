@@ -14,12 +14,11 @@ use super::links::Peer;
 use super::script::{Addressee, Move};
 use super::sensor::Sensor;
 
-/// Longest duration of a script; a fuzzer's would never end.
+/// Longest duration of a script; a fuzzer's scripts may be of any length.
 const LONGEST: Time = Time::from_ms(30_000);
 /// Ratio of the drive's trip level to the limit of the regulated current.
 const TRIP: f64 = DRIVE.trip_a as f64 / DRIVE.current_a as f64;
-/// Current below which nothing was commanded, A: the measurement's offset, and the residue of a
-/// test.
+/// Largest current without a command, A: the offset of the measurement, and the residue of a test.
 const NONE_A: f64 = 0.2;
 /// Time in which the current decays after the bridge is turned off: ten time constants of 0.4 ms.
 const DECAY: Time = Time::from_ms(4);
@@ -35,9 +34,9 @@ pub(super) struct HostileSession<'a> {
     peers: [Peer; 2],
     sequence: u32,
     end: Time,
-    /// Time since when the coil may carry no current.
+    /// Time from which on the coil must carry no current.
     disarmed: Option<Time>,
-    /// Time since when the coil carries a current.
+    /// Time from which on the coil has carried a current.
     driven: Option<Time>,
     pub(super) summary: Summary,
 }
@@ -89,7 +88,7 @@ impl<'a> HostileSession<'a> {
     /// command as usual.
     pub(super) fn finish(&mut self) -> Result<(), String> {
         let waits = |board: &NativeBoard<'_>| Link::ALL.map(|link| board.unread(link));
-        // At least a frame or 200 bytes of a link per millisecond, and a restart.
+        // Time limit: per link a frame or 200 bytes each millisecond, and the time of a restart.
         let bytes: usize = waits(&self.board).iter().sum();
         let end = self.board.now() + Time::from_ms(bytes as u64 + 500);
         while waits(&self.board) != [0, 0] {

@@ -10,9 +10,9 @@ use palpate_wire::code::State;
 pub struct Summary {
     /// Number of scripts.
     pub scripts: u64,
-    /// Number of frames and other runs of bytes written; below, number of their bytes.
+    /// Number of frames and other runs of bytes written.
     pub frames: u64,
-    /// See [`frames`](Self::frames).
+    /// Number of bytes written.
     pub bytes: u64,
     /// Number of damaged or invalid frames.
     pub refused: u64,

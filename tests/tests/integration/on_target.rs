@@ -13,7 +13,7 @@ use palpate_procedure::Actions;
 use palpate_wire::code::{Drift, State};
 use palpate_wire::{Command, Message, Record, encode};
 
-/// Longer than any operation of the target, at the ring oscillator's 52 MHz.
+/// Time limit, longer than any operation of the target at the ring oscillator's 52 MHz.
 const PATIENCE: Time = Time::from_ms(60_000);
 
 fn image() -> &'static Image {
@@ -192,7 +192,7 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
     }
 }
 
-/// A single different bit changes the sums.
+/// A single different bit in the tape changes the sums.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_single_bit_is_seen() {

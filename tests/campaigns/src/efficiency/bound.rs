@@ -19,16 +19,16 @@ use super::rung::Evaluation;
 use super::train::{REST_S, Reading, TrainTask, derivative};
 use super::unknowns::{self, Unknown};
 
-/// Step of the derivatives, in standard deviations of an unknown: a third of it changes no bound by
-/// more than a relative 2e-5.
+/// Step of the derivatives, in standard deviations of an unknown. With a third of this step, no
+/// bound changes by more than a relative 2e-5.
 pub(super) const STEP: f64 = 0.01;
 /// Unit of the press's position, m: every reading determines the position better than this.
 const PRESS_M: f64 = 1e-4;
 /// Prior standard deviations of the terms of the reading's curve, which are powers of the
 /// deformation: the bench determines the curve without prior knowledge.
 const CURVE: [f64; 4] = [0.2, 0.2, 0.2, 0.2];
-/// Index of a single train's unknown, after the shared ones: the press's position. Below, of the
-/// others: vibration and drift.
+/// Indices of a single train's unknowns, after the shared ones: the press's position, then
+/// vibration and drift.
 const PLACE: usize = 0;
 const COSINE: usize = 1;
 const SINE: usize = 2;

@@ -9,7 +9,7 @@ use super::rung::{Evaluation, InformationLevel};
 use super::train::{TrainTask, derivative};
 use super::unknowns;
 
-/// Index of ln(c_L) of a press in use, after the unknowns of its train; below, of the effects of
+/// Indices of a press in use, after the unknowns of its train: ln(c_L), then the effects of
 /// temperature.
 const LOAD: usize = LOCAL;
 const WARMER: usize = LOCAL + 1;

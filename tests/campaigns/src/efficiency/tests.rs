@@ -55,7 +55,8 @@ fn what_is_read_less_or_known_less_leaves_more_open() {
     );
 }
 
-/// Least squares of load and position on noisy readings, with derivatives by another method.
+/// Least-squares estimates of load and position from noisy readings must scatter by the bound.
+/// Their derivatives are computed by another method.
 #[test]
 fn estimates_of_a_known_sensor_scatter_by_the_bound() {
     const TRIALS: u32 = 400;
@@ -141,7 +142,7 @@ fn no_bound_is_above_what_presses_come_to() {
         println!("{load:?}");
         assert!(load.presses > 4);
         assert!(load.efficiency - STANDARD_ERRORS * load.efficiency_standard_error <= 1.0);
-        // The chain uses its information: at least a third of it, on so few sensors.
+        // Even on so few sensors the chain uses at least a third of its information.
         assert!(load.efficiency_without_own_heat > 0.3);
         assert!((0.6..1.7).contains(&(load.planned_rms_ln / load.measured_rms_ln)));
     }

@@ -214,7 +214,7 @@ impl PeerBench {
             let numbers = text.split_whitespace().map(str::parse);
             numbers.collect::<Result<_, _>>().map_err(Failure::refused)
         };
-        // The number at this place from the end.
+        // Reads the number at a position counted from the end of a file.
         let last = |name: &str, place: usize| -> Result<f64, Failure> {
             let numbers = read(name)?;
             let number = numbers.into_iter().rev().nth(place);

@@ -134,8 +134,8 @@ fn weeks_later(
     (drive, conditions)
 }
 
-/// One use: true means of conversions at currents over the whole range, and on ramps between them;
-/// with the setpoints of the constant currents.
+/// Data of one use: true means of conversions, at constant currents over the whole range, with
+/// their setpoints, and on ramps between these currents.
 struct Use {
     held: Vec<(f64, Vec<f64>)>,
     ramps: Vec<super::common::driven::ChargeCurve>,
@@ -160,9 +160,9 @@ fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
     Use { held, ramps }
 }
 
-/// Greatest difference of constant currents and of ramps between two uses. Each window has its own
-/// time on the ramp, which starts when the image has read the command: the time offset that
-/// minimises the difference is used, a few periods.
+/// Greatest difference of constant currents and of ramps between two uses. A ramp starts when the
+/// image has read the command, so its windows are at other times in each use: the ramps are
+/// compared with the time offset, a few periods, that minimises the difference.
 fn difference(first: &Use, second: &Use) -> [f64; 2] {
     let greatest = |first: &[f64], second: &[f64]| {
         let pairs = first.iter().zip(second);
@@ -219,7 +219,7 @@ fn chains() -> [f64; 3] {
     worst
 }
 
-/// Runs two minutes; returns a table, and whether nothing was missed.
+/// Runs two minutes; returns a table, and whether no level, sample or limit was missed.
 fn full_telemetry() -> (String, bool) {
     let mut text = String::from(
         "| stream | pulse widths set | set too late | least time before taking effect | longest between two | samples | lost \

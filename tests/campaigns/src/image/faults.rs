@@ -12,7 +12,7 @@ use palpate_emulator::{Image, LineFault, firmware};
 
 /// Longest time from the end of a cause to the next good sample.
 const RECOVERY: Time = Time::from_ms(50);
-/// Longest time from a panic or a fault to a bridge that is off; below, from a hang.
+/// Longest times until the bridge is off, after a panic or a fault, and after a hang.
 const OFF_AT_ONCE: Time = Time::from_ms(1);
 const OFF_AFTER_HANG: Time = Time::from_ms(60);
 /// Number of points of a ramp, 3 ms apart.

@@ -37,8 +37,8 @@ impl RateCase {
 
 struct RateResult {
     rate_hz: f64,
-    /// Least and greatest number of lost conversions: the firmware reports a status at another time
-    /// than the campaign reads the converter's own count.
+    /// Least and greatest number of lost conversions: a range, since the firmware reports a status
+    /// at another time than the campaign reads the converter's own count.
     lost: RangeInclusive<u32>,
     reported: u32,
     median: Time,

@@ -60,7 +60,7 @@ fn changed(
     let edges = bench.board.chip().interrupts();
     bench.run(length(rate_hz));
     let first = bench.samples().find(|(_, it)| it.channels.len() == count);
-    // The time in the sample counts, since it was sent as soon as it was made.
+    // Uses the time in the sample, which was sent as soon as it was made.
     let origin_us = begin.as_secs_f64() * 1e6;
     if let (Some((time_us, _)), true) = (first, edges > 0) {
         let took_us = (time_us as f64 - origin_us).max(0.0);
@@ -79,7 +79,7 @@ fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut Start
     let event = FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
     let scheduled = bench.board.chip_mut().schedule(event);
     assert!(scheduled.is_ok(), "no slot for a fault");
-    // Until the converter's silence is detected, and it has restarted.
+    // Runs until the converter's silence is detected and the converter has restarted.
     bench.run(length(rate_hz) + Time::from_ms(120));
     row.add(&judge(&bench));
 }
@@ -137,8 +137,8 @@ fn forget_before_the_answer(bench: &mut RecordedBoard) {
     }
 }
 
-/// Changes settings of two converters, and lets the second one lose its registers and restart while
-/// the first one continues; returns the totals, and whether nothing was lost or wrong, and no fault was false.
+/// Changes settings of two converters, and lets the second one lose its registers and restart while the first
+/// one continues. Returns the totals, and whether no sample was lost or wrong and no fault was false.
 fn of_two() -> (String, bool) {
     println!(
         "| channels | rate | INTB released by | DATA overwritten | changes | samples | marked \

@@ -16,7 +16,7 @@ use palpate_emulator::{FlashTimes, Time};
 use palpate_wire::code::StorageState;
 use palpate_wire::{Command, configuration_crc};
 
-/// Number of seeds for the effect of a power cut in an operation.
+/// Number of seeds; the seed selects the effect of a power cut in an operation.
 const SEEDS: u64 = 2;
 /// Number of second power cuts in the next save, for each first one.
 const NESTED: u64 = 3;
@@ -85,7 +85,7 @@ fn add(tally: &mut Tally, what: &str, counts: &BTreeMap<Which, u32>) {
     );
 }
 
-/// Cuts the power at every operation of a complete erase: either everything remains, or nothing.
+/// Cuts the power at every operation of a complete erase: either all data remain, or none.
 fn erasures(tally: &mut Tally) {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let commands = configuration(1, Amount::Usual);

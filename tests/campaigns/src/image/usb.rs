@@ -21,12 +21,12 @@ use palpate_procedure::Link;
 
 /// Longest allowed delay from an edge of INTB to START while the bus is free.
 const LATENCY: Time = Time::from_us(10);
-/// Longest interval between two levels of the coil's PWM: after one and a half periods a level was
-/// late.
+/// Longest interval between two levels of the coil's PWM: from one and a half periods on, a level
+/// was late.
 const LEVELS_APART: Time = Time::from_us(24);
 /// Greatest processor load in the train, with both links in use.
 const LOAD: f32 = 0.55;
-/// Longest time from a fault to a bridge that is off; below, from a hang or a restart request.
+/// Longest times until the bridge is off, after a fault, and after a hang or a restart request.
 const OFF_AT_ONCE: Time = Time::from_ms(1);
 const OFF_AFTER_HANG: Time = Time::from_ms(60);
 /// Allowed time from a PC's last command to the end of its current, including the overhead of the
@@ -117,7 +117,7 @@ fn streams(out: &mut String) -> bool {
     holds
 }
 
-/// A line of the loss account; returns whether it is exact.
+/// Appends a line of the loss account; returns whether the account is exact.
 fn account(out: &mut String, what: &str, bench: &UsbBench, cut: u32) -> bool {
     let tally = bench.port.tally();
     let (missing, dropped) = missing(&tally);
