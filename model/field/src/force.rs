@@ -8,11 +8,11 @@
 //! A uniform background field has a magnetic tension of its own, which reaches to infinity. It is
 //! subtracted, so the force is that of the design in the background.
 //!
-//! A magnet in this range is stretched with its remanence unchanged.
+//! A magnet in the middle half is stretched with its remanence unchanged.
 //!
-//! If a body's outline is slanted in this range, the field pulls at it along the axis, and the
-//! force depends a little on the plane at which the halves are parted. The stress is that of the
-//! mid-plane.
+//! If a body's outline is slanted in the middle half, the field pulls at the body along the axis,
+//! and the force depends a little on the plane at which the halves are parted. The stress is that
+//! of the mid-plane.
 
 use core::f64::consts::TAU;
 

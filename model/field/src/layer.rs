@@ -29,7 +29,7 @@ impl Elastomer {
         rise: 3.0,
         half_t: 0.30,
     };
-    /// Very soft elastomer, with the middle of 30 to 60 kPa. These values are assumed, too.
+    /// Very soft elastomer: a modulus in the middle of 30 to 60 kPa, assumed without a source.
     pub const ULTRASOFT: Self = Self {
         modulus_pa: 45e3,
         rise: 15.0,

@@ -45,7 +45,7 @@ pub(crate) fn visit(
     }
 }
 
-/// As [`visit`], for the parts that `counts` selects.
+/// Like [`visit`], for the parts that `counts` selects.
 pub(crate) fn visit_parts(
     level: &Level,
     w: &[f64],

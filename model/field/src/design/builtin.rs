@@ -4,8 +4,8 @@ use super::{Design, DesignError};
 
 /// Names of the built-in designs.
 ///
-/// All but the last are the cases of the sensor's paper, read from its table and text; `closed` is
-/// a stack that measures stiffness better.
+/// All but the last, `closed`, are the cases of the sensor's paper, read from its table and text.
+/// The stack `closed` measures stiffness better.
 pub const BUILTIN: [&str; 14] = [
     "air",
     "A",

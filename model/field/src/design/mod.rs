@@ -44,7 +44,7 @@ pub struct Design {
     pub files: Vec<FileRead>,
 }
 
-/// A file beside a design that was read.
+/// A file that was read for a design.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileRead {
     /// Path of the file.
@@ -75,7 +75,7 @@ impl Core {
         0.5 * (self.x_m[0] + self.x_m[1])
     }
 
-    /// Ends of the middle half of the core's length, m: for the force, the stack is parted there.
+    /// Range in which the stack is parted for the force, m: the middle half of the core's length.
     #[must_use]
     pub fn parting_m(&self) -> [f64; 2] {
         let quarter = 0.25 * (self.x_m[1] - self.x_m[0]);
@@ -94,8 +94,8 @@ pub struct RingCoil {
     pub turns: f64,
     /// Direction of the current, +1 or −1.
     pub sense: f64,
-    /// Whether the coil is in series with the others and carries the constant current. A sensing
-    /// coil does not.
+    /// Whether the coil is in series with the others and carries the constant current; false for a
+    /// sensing coil.
     pub driven: bool,
     /// Constant current of a coil that is not in series with the others, A; multiplied by its
     /// sense.
@@ -184,8 +184,8 @@ pub enum Cut {
 }
 
 impl Cut {
-    /// Of a ring from `r[0]` to `r[1]`: the remaining area, m², and the length of the outlines of
-    /// all pieces, m.
+    /// Returns the remaining area of a ring from `r[0]` to `r[1]`, m², and the length of the
+    /// outlines of all its pieces, m.
     #[must_use]
     pub fn left_of(&self, r_m: [f64; 2]) -> (f64, f64) {
         use core::f64::consts::{PI, TAU};
@@ -245,7 +245,7 @@ impl Design {
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
         let coils = self.driven_coils();
-        // The sum of no coils is -0, which this turns into 0.
+        // An empty sum is -0; adding 0.0 makes it 0.
         0.0 + coils
             .map(|coil| self.coil_resistance_ohm(coil))
             .sum::<f64>()

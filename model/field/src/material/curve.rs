@@ -18,7 +18,7 @@ const ROUNDED: f64 = 1.01;
 /// Largest slope dH/dB at a point, in multiples of the slopes of both chords that meet there: up to
 /// 3 the cubic is monotone (de Boor and Swartz), below 3 it also has no horizontal tangent.
 const STEEPEST: f64 = 2.5;
-/// Flux density below which ν is that at B = 0, T.
+/// Flux density below which ν equals its value at B = 0, T.
 const LEAST_T: f64 = 1e-9;
 
 /// A magnetisation curve through given points, odd in B. Between them H is a monotone cubic
@@ -241,7 +241,7 @@ fn slopes(knots: &[Knot]) -> Vec<f64> {
 }
 
 /// Hermite's cubic at the fraction `t` of the way between two knots. Its energy includes that of
-/// the first knot: zero if that has not been computed.
+/// the first knot, which is zero until computed.
 fn between(low: &Knot, high: &Knot, t: f64) -> Knot {
     let d = high.b_t - low.b_t;
     let [h0, h1] = [low.h_a_per_m, high.h_a_per_m];

@@ -68,7 +68,7 @@ impl Material {
         }
     }
 
-    /// The linear material with the initial permeability of this one, as far below saturation.
+    /// A linear material with the initial permeability of this one: its law far below saturation.
     #[must_use]
     pub fn initially(&self) -> Self {
         Self::Linear {
@@ -156,8 +156,8 @@ impl Material {
         }
     }
 
-    /// Flux density in the metal if the mean flux density is `b_t`, and the last one of its table,
-    /// T; `None` without a table.
+    /// Flux density in the metal at the mean flux density `b_t`, and last flux density of the
+    /// metal's table, T; `None` without a table.
     pub(crate) fn in_table_t(&self, b_t: f64) -> Option<[f64; 2]> {
         let Self::Table { curve, fill } = self else {
             return None;
@@ -314,8 +314,8 @@ mod tests {
         Material::table(BhCurve::through(&points).expect("a curve"))
     }
 
-    /// Pillars of soft metal carry the flux that their share of the plane does not leave to the
-    /// air.
+    /// At equal H, the mean flux density of pillars is that of metal and air, each weighted by its
+    /// share of the plane.
     #[test]
     fn soft_metal_is_diluted() {
         for (metal, fill) in [(METAL, 0.05), (METAL, 0.5), (steel(), 0.05), (steel(), 0.5)] {

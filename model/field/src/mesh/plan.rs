@@ -163,8 +163,7 @@ impl MeshPlan {
 }
 
 /// Radius of the circle relative to the distance of the outermost corner. The exterior's solution
-/// is exact at any radius; the cost is least if about the size of a triangle is left around that
-/// corner.
+/// is exact at any radius; the cost is least with a gap of about one triangle beyond that corner.
 const ROOM: f64 = 1.2;
 
 fn circle_about(design: &Design) -> Circle {

@@ -66,11 +66,11 @@ const SHARE: f64 = 0.6;
 const CORNER_SIZE: f64 = 0.004;
 /// Newton's method ends when its last step is less than the requested accuracy times this.
 const LAST_STEP: f64 = 0.1;
-/// Limit of the work for the greatest field in the plates, in unknowns times linear solves.
-/// Triangles are no longer halved for it when the work since the figures settled exceeds both this
-/// (5 s) and the work until then. The built-in designs need up to 4.3e5. If a material has a knee
-/// from a permeability of 6e5 to that of vacuum, a hundred meshes do not find the greatest field;
-/// its estimated error shows that.
+/// Limit of the work for the greatest field in the plates, in unknowns times linear solves (5 s).
+/// Halving of triangles for that field ends when the work since the figures settled exceeds both
+/// this limit and the work until then. The built-in designs need up to 4.3e5. If a material has a
+/// knee from a permeability of 6e5 to that of vacuum, a hundred meshes do not find the greatest
+/// field; its estimated error shows that.
 const FOR_PLATES: usize = 500_000;
 
 /// Solves a design.

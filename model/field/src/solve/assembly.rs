@@ -25,8 +25,8 @@ pub struct Level {
     pub background_t: f64,
 }
 
-/// Contribution of a triangle to the residual and to the tangent. Of the tangent it is the lower
-/// half, row by row, or empty if it is not requested.
+/// Contribution of a triangle to the residual and to the tangent. The tangent is stored as its
+/// lower half, row by row; empty if it is not requested.
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,

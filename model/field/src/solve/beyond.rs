@@ -17,8 +17,8 @@ pub struct BeyondTable {
 }
 
 impl Solved {
-    /// The parts whose field exceeds the table of their material. A field per ampere is far below
-    /// saturation, so it has none.
+    /// The parts whose field exceeds the table of their material. Empty for a field per ampere,
+    /// which is far below saturation.
     #[must_use]
     pub fn beyond_tables(&self, design: &Design) -> Vec<BeyondTable> {
         if !self.excitation.saturating {

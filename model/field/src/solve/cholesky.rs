@@ -2,12 +2,12 @@
 //! mesh.
 //!
 //! The elements are divided into two halves by position, across the axis for which the halves share
-//! fewer unknowns, again and again until few are left in a set. In each set, the unknowns that no
-//! other element shares are eliminated in a dense matrix, the set's front; a dense matrix on the
-//! boundary of the set remains, and is added to the front of the union with the other half. This is
-//! the multifrontal method of Duff and Reid (1983) in the order of George (1973): for n unknowns in
-//! a plane, the factor has O(n log n) entries and takes O(n^1.5) multiplications, the least
-//! possible.
+//! fewer unknowns. Each half is divided again until few elements are left in a set. In each set,
+//! the unknowns that no other element shares are eliminated in a dense matrix, the set's front. A
+//! dense matrix on the boundary of the set remains, and is added to the front of the union with the
+//! other half. This is the multifrontal method of Duff and Reid (1983) in the order of George
+//! (1973). For n unknowns in a plane, the factor has O(n log n) entries and takes O(n^1.5)
+//! multiplications, the least possible.
 //!
 //! The matrix is real and positive definite, or complex and symmetric with real and imaginary parts
 //! that are positive semidefinite and whose sum is definite. Such a matrix needs no pivoting
@@ -62,7 +62,7 @@ struct Term {
 enum Source {
     /// An element. The lower half of its matrix starts at this index among all entries, row by row.
     Element(usize),
-    /// What another front leaves on its boundary, column by column.
+    /// The matrix that another front leaves on its boundary, column by column.
     Front(usize),
 }
 
@@ -297,7 +297,7 @@ fn widest_axis(set: &[(&Element<'_>, usize)]) -> usize {
 }
 
 impl Front {
-    /// Sums up the matrix of the front. Consumes what its children left on their boundaries.
+    /// Sums up the matrix of the front. Consumes the children's matrices on their boundaries.
     fn sum<T: Scalar>(&self, entries: &[T], boundaries: &mut [Vec<T>]) -> Dense<T> {
         let mut sum = Dense::zero(self.unknowns.len(), self.pivots);
         for term in &self.terms {
@@ -391,7 +391,7 @@ impl<T: Scalar> Dense<T> {
     }
 
     /// Eliminates the pivots: their columns become columns of the factor, and the boundary's matrix
-    /// becomes what the front leaves to its parent.
+    /// becomes the term that the parent's front adds.
     fn eliminate(&mut self) -> Result<(), NotPositive> {
         let size = self.size.max(1);
         let count = self.pivots.len() / size;

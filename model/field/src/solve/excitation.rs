@@ -16,9 +16,9 @@ pub struct Excitation {
 }
 
 impl Excitation {
-    /// A current in all driven coils of a design, in series, and nothing else. Materials stay far
-    /// below saturation, and the design's background, the remanence of its magnets and the own
-    /// currents of its coils are left out. So every figure is proportional to a power of the
+    /// A current in all driven coils of a design, in series, as the only source: the design's
+    /// background, the remanence of its magnets and the own currents of its coils are left out.
+    /// Materials stay far below saturation, so every figure is proportional to a power of the
     /// current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {

@@ -8,7 +8,7 @@ use crate::element::shape::Placed;
 pub(super) struct Fixed(Vec<Option<Local>>);
 
 impl Fixed {
-    /// Contributes nothing in advance: for a single assembly.
+    /// No contributions computed in advance: for a single assembly.
     pub(super) const NONE: Self = Self(Vec::new());
 
     /// Computes the contributions of a mesh with its materials.

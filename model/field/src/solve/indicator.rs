@@ -181,8 +181,8 @@ pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
     space.unknowns.iter().map(triangle).collect()
 }
 
-/// The matrix that maps a polynomial's values at the nodes of a basis to the values there of the
-/// polynomial of a lower order that agrees with it at that order's nodes.
+/// The matrix that lowers a polynomial's order: from its values at the nodes of `basis` to those of
+/// the polynomial of order `lower` that equals it at the nodes of that order.
 fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
     let lower = Basis::new(lower);
     let onto: Vec<Vec<f64>> = lower.points().map(|at| basis.sample(at).values).collect();

@@ -37,10 +37,10 @@ pub(super) fn axis(level: &Level, w: &[f64]) -> Vec<f64> {
 }
 
 /// Marks triangles of the inner core and on the axis whose jump of the field or error of w exceeds
-/// the fraction `relative` of the field; a field weaker than a fiftieth of the core's mean counts
-/// as that. The energy there is small, since volumes near the axis are small, but users read the
-/// field there. On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the greatest
-/// jump.
+/// the fraction `relative` of the field. A field below a fiftieth of the core's mean counts as a
+/// fiftieth. The energy in these triangles is small, since volumes near the axis are small, but
+/// users read the field there. On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of
+/// the greatest jump.
 pub(super) fn rough(
     design: &Design,
     level: &Level,
@@ -118,9 +118,9 @@ pub(super) fn centre_size(figures: &Figures) -> f64 {
         .max(WEAK_CENTRE * figures.core_mean_t)
 }
 
-/// Whether the estimated errors are small enough: those of centre and mean field as requested,
-/// those of flux linkage and force [`WIDER`] times that. The error of a force that nearly cancels
-/// is compared with a hundredth of the energy divided by the gap.
+/// Whether the estimated errors of centre and mean field are within the requested accuracy, and
+/// those of flux linkage and force within [`WIDER`] times it. The error of a force that nearly
+/// cancels is compared with a hundredth of the energy divided by the gap.
 pub(super) fn close(
     errors: &Figures,
     figures: &Figures,
@@ -159,9 +159,9 @@ fn energy_of_magnets_j(level: &Level) -> f64 {
 }
 
 /// The estimated error is the change from mesh to mesh times this safety factor. If meshes improve
-/// fast, the change is nearly the error of the coarser mesh. At the edge of a permeable plate they
-/// do not, and the error of the finer mesh is up to 2.3 times the change (found on `C1in` against
-/// fourth order at 3e-6): hence a factor of 3 everywhere.
+/// fast, the change is nearly the error of the coarser mesh. At the edge of a permeable plate
+/// meshes improve slowly, and the error of the finer mesh is up to 2.3 times the change (found on
+/// `C1in` against fourth order at 3e-6): hence a factor of 3 everywhere.
 const SAFETY: f64 = 3.0;
 /// Fraction of each earlier estimate that the estimated error includes, since a change may vanish
 /// by chance, and a change after a local refinement means little. Over 68 solutions of the built-in
@@ -218,8 +218,8 @@ pub(super) struct PlatePeak {
 }
 
 /// Largest error of the greatest field in the plates, as a fraction of it: triangles are halved
-/// until it is reached. On C1in, C1out, backplates and pot a twentieth takes half as much time
-/// again and halves the true error, which is at most a quarter of the estimate: 1.6 % on C1in.
+/// until it is reached. On C1in, C1out, backplates and pot, a limit of a twentieth takes 1.5 times
+/// as long and halves the true error, which is at most a quarter of the estimate: 1.6 % on C1in.
 const PLATE: f64 = 0.2;
 
 /// Estimates the error of the greatest field in the plates from the jumps and the probable error of

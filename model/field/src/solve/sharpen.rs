@@ -28,8 +28,8 @@ const MOST_UNKNOWNS: usize = 300_000;
 impl Solved {
     /// Refines the mesh until, at each point, the jumps of the field and the decay of its
     /// polynomials in the triangles there and nearby show an error below the fraction `relative` of
-    /// |B|; a field weaker than a fiftieth of the core's mean counts as that. Points within 0.1 mm
-    /// of a corner of a permeable part do not count.
+    /// |B|. A field below a fiftieth of the core's mean counts as a fiftieth. Points within 0.1 mm
+    /// of a corner of a permeable part are ignored.
     ///
     /// If that takes too many unknowns, the report states that the accuracy is not reached.
     ///

@@ -98,7 +98,7 @@ fn the_mesh_has_the_volume_of_the_outline() {
     }
 }
 
-/// Outlines, and what is said of them.
+/// Invalid outlines, each with words of its error message.
 const REFUSED: &str = "
 [{ through = [1, 0] }, [0, -1], [0, 1]]                                        | through stands behind no corner
 [[0, -1], { through = [1, 0] }, { through = [2, 0] }, [0, 1]]                  | through stands behind no corner

@@ -131,8 +131,8 @@ fn an_accuracy_that_is_not_reached_is_reported() {
     assert!(!solved.report.reached && solved.relative_error() > 1e-4);
 }
 
-/// The field at a point is no more accurate than that of the thin windings beside it: 0.16 mm above
-/// the copper of A, between two rings, where it is weak.
+/// The field 0.16 mm above the copper of `A`, between two rings, is weak, so it is only as accurate
+/// as the field of the thin windings beside it.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_profile_beside_thin_copper_reaches_its_accuracy() {
@@ -190,8 +190,8 @@ fn derivatives_by_the_current_at_saturation() {
     let found = at(25.0).by_current(&design).expect("derivatives");
     let apart = at(26.0).figures.less(&at(24.0).figures).scaled(0.5);
     for ((figure, found), (_, apart)) in named(&found).into_iter().zip(named(&apart)) {
-        // The meshes differ, and so do figures that hardly change with the current: only these are
-        // compared.
+        // Only these four are compared: the change of a figure that hardly depends on the current
+        // is mostly that of the mesh.
         if ["centre", "core mean", "linkage", "force"].contains(&figure) {
             assert!(
                 (found / apart - 1.0).abs() < 0.02,

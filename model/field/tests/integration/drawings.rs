@@ -145,8 +145,8 @@ proptest! {
     }
 }
 
-/// Entities, with a comma between groups; the line of the drawing, and what is said of it. 18
-/// groups precede the first entity, so its name is on line 38.
+/// Invalid entities, with a comma between groups; the line of the drawing and the words in the
+/// error message. 18 groups precede the first entity, so its name is on line 38.
 const REFUSED: &str = r#"
 0 LINE,8 ball,10 9,20 2,11 9,21 2       | 38: has no length; allowed: lines and arcs with a length
 0 LINE,8 other                          | 1: there is nothing on the layer "ball"; allowed: a layer that is drawn on: other

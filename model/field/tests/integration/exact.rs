@@ -15,7 +15,7 @@ fn accuracy(relative: f64) -> Accuracy {
 }
 
 fn solved(design: &Design, relative: f64) -> Solved {
-    // No material saturates in these designs; a design with a background field is solved with it.
+    // No material saturates here; the excitation includes the design's background field.
     let excitation = Excitation::saturating(design, 1.0);
     solve(design, &excitation, &accuracy(relative)).expect("a field")
 }

@@ -55,7 +55,7 @@ fn energy_j(gap_mm: f64, lift_mm: f64) -> f64 {
     0.5 * solved(&design).work_j(&design)
 }
 
-/// At constant currents a linear field exerts forces towards growing energy.
+/// At constant currents, a field in linear materials exerts forces towards growing energy.
 #[test]
 fn forces_are_those_of_lorentz_and_of_the_energy() {
     let of = design(2.0, 0.0, -2.0);
@@ -83,8 +83,8 @@ fn forces_are_those_of_lorentz_and_of_the_energy() {
     assert_eq!(of.named("upper"), Some(Named::Coil(1)));
 }
 
-/// If magnetic parts touch, the force between them depends on the gap that opens, so there is none
-/// to state.
+/// If magnetic parts touch, the force between them depends on the gap that opens, so no force is
+/// stated.
 #[test]
 fn a_part_that_touches_magnetic_material_has_no_force_of_its_own() {
     let of = design(0.0, 0.0, -2.0);

@@ -57,7 +57,7 @@ fn sampled() -> String {
     table
 }
 
-/// Tables, and what is said of them.
+/// Invalid tables, each with the line and the words in its error message.
 const REFUSED: &str = r#"
 0 0⏎100 1.0⏎⏎# worse⏎90 1.1⏎ | 5: does not ascend
 0;0⏎100;1.0⏎200;1.0⏎         | 3: does not ascend

@@ -9,8 +9,8 @@ use toml::Spanned;
 use super::Reader;
 use crate::design::{DesignError, FileRead};
 
-/// Largest size of such a file in bytes: a thousand times that of a data sheet's table, or a
-/// drawing of 2,000 lines.
+/// Largest size of a file, bytes: a thousand times that of a data sheet's table, or a drawing of
+/// 2,000 lines.
 const MOST_BYTES: u64 = 2_000_000;
 
 /// A file that a design refers to.

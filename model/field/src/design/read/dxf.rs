@@ -53,9 +53,9 @@ struct Group<'t> {
 /// Unit of length of a drawing.
 #[derive(Clone, Copy)]
 pub(super) enum DrawingUnit {
-    /// This unit, in m, whatever the drawing states.
+    /// The given unit, in m; the unit that the drawing states is ignored.
     Given(f64),
-    /// The unit that the drawing states, or this one, in m, if it states none.
+    /// The unit that the drawing states, or the given one, in m, if it states none.
     Named(f64),
 }
 

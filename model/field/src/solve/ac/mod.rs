@@ -37,10 +37,10 @@ pub struct AcCoil {
     pub resistance_ohm: f64,
     /// Estimated absolute errors of the inductance, H, the resistance, Ω, and `dc_inductance_h`.
     pub errors: [f64; 3],
-    /// Contribution of currents that may be thinner than the mesh to the errors of these three
-    /// values, H and Ω.
+    /// Contribution of currents that may be thinner than the mesh to the three values of `errors`,
+    /// H and Ω.
     coarse: [f64; 3],
-    /// Changes of the same three values from the previous mesh, H and Ω.
+    /// Changes of L, R and `dc_inductance_h` from the previous mesh, H and Ω.
     changes: [f64; 3],
     /// Inductance for small changes of a constant current that is evenly distributed over the
     /// copper, H.
@@ -320,7 +320,7 @@ impl AcCoil {
         TAU * frequency_hz * self.inductance_h / self.resistance_ohm
     }
 
-    /// The three values whose errors are estimated.
+    /// The three values whose errors are estimated: L, R and the L of a constant current.
     fn estimated(&self) -> [f64; 3] {
         [self.inductance_h, self.resistance_ohm, self.dc_inductance_h]
     }

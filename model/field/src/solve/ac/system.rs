@@ -41,7 +41,7 @@ pub(super) struct System<'l> {
     rings: Vec<(usize, u32, f64)>,
     /// Edges on the surface of parts whose currents flow in the surface.
     pub(super) surface: HashSet<[u32; 2]>,
-    /// The edges in `surface`, and all edges inside of such parts.
+    /// The edges in `surface`, and all edges inside of these parts.
     pub(super) left_out: HashSet<[u32; 2]>,
     /// For each edge of the arc between inside and outside, its triangle and its matrix.
     arc: Vec<(usize, Vec<f64>)>,
@@ -132,8 +132,8 @@ impl<'l> System<'l> {
         region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
-    /// For each triangle, its height in units of [`SKIN_DEPTHS`] skin depths, or 0 if that is less than
-    /// one. A layer of triangles that is too high carries the same current with less loss, in
+    /// For each triangle, its height in units of [`SKIN_DEPTHS`] skin depths, or 0 if this ratio is
+    /// below one. A layer of triangles that is too high carries the same current with less loss, in
     /// proportion to its height.
     pub(super) fn coarse(&self) -> Vec<f64> {
         let mesh = &self.level.space.mesh;
