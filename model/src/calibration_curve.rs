@@ -1,13 +1,13 @@
 //! A monotone curve through calibration points.
 //!
 //! Calibration gives pairs of values: inductance change and deformation, current and stiffening.
-//! The curve between the points must be monotone, or one reading would mean two deformations, and
-//! smooth, because its slope converts a sigma of the reading to a sigma of the deformation. A cubic
-//! spline overshoots; this is the piecewise cubic Hermite interpolant with the slopes of Fritsch
-//! and Butland (*A method for constructing local monotone piecewise cubic interpolants*, SIAM J.
-//! Sci. Stat. Comput. 5, 1984), known as PCHIP. It meets the sufficient condition of Fritsch and
-//! Carlson (SIAM J. Numer. Anal. 17, 1980): no slope at a point above three times the slope of
-//! either neighbouring secant.
+//! The curve between the points must be monotone, because otherwise one reading would mean two
+//! deformations. It must be smooth, because its slope converts a sigma of the reading to a sigma of
+//! the deformation. A cubic spline overshoots, so this module uses the piecewise cubic Hermite
+//! interpolant with the slopes of Fritsch and Butland (*A method for constructing local monotone
+//! piecewise cubic interpolants*, SIAM J. Sci. Stat. Comput. 5, 1984), known as PCHIP. It meets the
+//! sufficient condition of Fritsch and Carlson (SIAM J. Numer. Anal. 17, 1980): no slope at a point
+//! above three times the slope of either neighbouring secant.
 //!
 //! Between points of a smooth function at the spacing h, the error falls at least as fast as h^3.
 
@@ -54,8 +54,8 @@ pub enum CurveError {
         /// Index of the point.
         index: usize,
     },
-    /// The value at `index` equals the previous one, or rises where the values before it fall or
-    /// vice versa.
+    /// The value at `index` equals the previous one, or reverses the direction: all values must
+    /// rise, or all must fall.
     NotMonotone {
         /// Index of the point.
         index: usize,
@@ -137,9 +137,9 @@ impl<const N: usize> MonotoneCurve<N> {
 
     /// Value and slope at `x`.
     ///
-    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`. By rounding
-    /// it may change against that direction by at most 6 ulp of the larger of the segment's two end
-    /// values (4 occurred in 4e7 random pairs), but it is never beyond those end values. At a
+    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`. Rounding may
+    /// move it against that direction by at most 6 ulp of the larger of the segment's two end
+    /// values (4 occurred in 4e7 random pairs), but never carries it beyond those end values. At a
     /// calibration point the value is exact.
     pub fn at(&self, x: f32) -> CurvePoint {
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
@@ -305,9 +305,9 @@ fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     small / (weight + (1.0 - weight) * (small / large))
 }
 
-/// Slope of the parabola through the last three points at the last one, or zero if it would have
-/// the wrong sign. It is at most twice the slope of the end's own secant, since both secants have
-/// the same sign.
+/// Slope at an end point, of the parabola through that point and its two neighbours, or zero if
+/// this slope has the wrong sign. It is at most twice the slope of the end's own secant, since both
+/// secants have the same sign.
 fn end_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
     let slope = d0 + (d0 - d1) * (h0 / (h0 + h1));
     let sign = d0.signum();

@@ -7,9 +7,9 @@ use crate::math::student::NORMAL_975;
 /// normal. The result is 1.960 for 0 and falls to 1.645 for 1.
 ///
 /// A uniform error has no tails: 1.96 of its standard errors contain all of it, and 1.645 contain
-/// 95 % (JCGM 100:2008, 4.3.7 and G.1.2). In between, the distribution is the convolution of both;
-/// a polynomial in the fourth power of `uniform`, the lowest power in which it departs from the
-/// normal distribution, is within 0.002 of its quantile.
+/// 95 % (JCGM 100:2008, 4.3.7 and G.1.2). A mixture has the convolution of both distributions. Its
+/// departure from the normal distribution starts at the fourth power of `uniform`; a polynomial in
+/// that power is within 0.002 of the quantile.
 ///
 /// ```
 /// use palpate_model::uncertainty::coverage_factor;

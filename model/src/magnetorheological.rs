@@ -1,15 +1,16 @@
 //! Stiffness of the actuated layer as a function of the coil's current.
 //!
-//! A magnetosensitive elastomer stiffens with the field, quadratically at first, then less: E(B) =
-//! E_0 [1 + R s], s = B^2 / (B^2 + Bc^2), where B is proportional to the current I. With the
-//! relative rise rho(I), the actuated spring and the estimator's regressor are
+//! A magnetosensitive elastomer stiffens with the field B, quadratically at first, then less: E(B)
+//! = E_0 [1 + R s], s = B^2 / (B^2 + Bc^2), with the rise R at saturation, half of it at Bc. B is
+//! proportional to the current I. With the relative rise rho(I), the actuated spring and the
+//! estimator's regressor are
 //!
 //! c_D(I) = c_D0 (1 + rho(I)), g(I) = c_S / c_D(I),
 //!
 //! and the estimator uses the deviation of g from g_0 = c_S/c_D0, h = g - g_0 = -g_0 rho/(1 + rho).
-//! In this form h keeps the seven digits of `f32` for any rho, while 1 - (1 - 0.005) would keep
-//! five. No published table gives R and Bc for the materials in question, so the numbers come from
-//! a board's own calibration, as a law of this form or as a table.
+//! In this form h keeps the seven digits of `f32`; the difference of two ratios, at a rho of 0.005,
+//! would keep five. No published table gives R and Bc for the materials in question, so the numbers
+//! come from a board's own calibration, as a law of this form or as a table.
 
 use crate::calibration_curve::MonotoneCurve;
 use crate::math::exp;
@@ -47,7 +48,7 @@ pub trait Stiffening {
         self.at_rest() * (1.0 + self.rise(current).value)
     }
 
-    /// Ratio g_0 = c_S/c_D0, from which [`regressor`](Self::regressor) states the deviation.
+    /// Ratio g_0 = c_S/c_D0, the reference of the deviation in [`regressor`](Self::regressor).
     fn reference_ratio(&self, sensing: NewtonPerMetre) -> f32 {
         sensing / self.at_rest()
     }
@@ -75,10 +76,10 @@ pub fn deviation(reference_ratio: f32, rise: f32) -> f32 {
 /// Addition to h for the force `pull` with which the two halves of the actuated layer attract each
 /// other; the layer has the spring `actuated`, c_D(I).
 ///
-/// The attraction f shortens the layer by p = f/c_D(I), so x (1 + kappa + g) = x_0 - p. That is the
-/// same as a regressor g + p/x, with the deformation x as read. If the addition is omitted, 0.3
-/// mN/A^2 at 10 A causes an error of 40 % of c_L for c_L = c_S = 6 N/mm, c_D0 = 4 N/mm and a
-/// stiffening of 10 %.
+/// The attraction f shortens the layer by p = f/c_D(I), so x (1 + kappa + g) = x_0 - p. This equals
+/// a regressor g + p/x, with the measured deformation x. If the addition is omitted, 0.3 mN/A^2 at
+/// 10 A causes an error of 40 % of c_L for c_L = c_S = 6 N/mm, c_D0 = 4 N/mm and a stiffening of
+/// 10 %.
 pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) -> f32 {
     pull / actuated / deformation
 }

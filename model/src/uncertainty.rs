@@ -1,7 +1,7 @@
 //! Adds the calibration's uncertainty to the uncertainty due to noise.
 //!
 //! A ramp measures the total compliance at the reference state, T = 1/c_L + 1/c_S + 1/c_D0, in
-//! units of the change of 1/c_D that the current caused; the load's compliance is what remains,
+//! units of the change of 1/c_D that the current caused. The load's compliance is the remainder,
 //! 1/c_L = T - 1/c_S - 1/c_D0. With kappa = c_S/c_L, g = c_S/c_D0 and W = 1 + kappa + g, an error
 //! of a calibrated quantity changes kappa by
 //!

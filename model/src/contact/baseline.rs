@@ -18,8 +18,8 @@ use crate::units::{Metre, Second};
 pub struct Baseline {
     memory: f32,
     readings: u32,
-    /// Number of readings in the memory now, and (`forgotten`) the fraction of the past that each
-    /// reading displaces.
+    /// Current size of the memory, in readings. `forgotten` is its reciprocal: the fraction of the
+    /// past that each reading displaces.
     window: f32,
     forgotten: f32,
     /// The first reading. All other values are stored as deviations from it, since slow corrections
@@ -31,8 +31,8 @@ pub struct Baseline {
     mean: f32,
 }
 
-/// Memory as a fraction of the number of readings since the start: a recovery a exp(-t/tau) departs
-/// from a straight line over the time t/8 by at most a (t/8 tau)^2 exp(-t/tau), 0.0085 a.
+/// Memory as a fraction of the number of readings since the start. Over the time t/8, a recovery a
+/// exp(-t/tau) departs from a straight line by at most a (t/8 tau)^2 exp(-t/tau): 0.0085 a.
 const OF_THE_PAST: f32 = 0.125;
 
 /// Smallest memory, in readings: with less, a line is no better than the last reading.
@@ -43,16 +43,16 @@ const LEAST_MEMORY: f32 = 2.0;
 pub struct Deviation {
     /// Deviation from the line.
     pub from_line: Metre,
-    /// Deviation from the mean. Unlike the line, the mean hardly follows a rise: an untouched
-    /// sensor recovers downwards, and warming changes it within the memory by far less than its
-    /// noise. While the readings fall, the mean is above them, so the end of a fall does not count
-    /// as a rise.
+    /// Deviation from the mean, by which a touch is detected. Unlike the line, the mean hardly
+    /// follows a rise. An untouched sensor stays near or below the mean: it recovers downwards, and
+    /// within the memory, warming changes its reading by far less than the noise. While the
+    /// readings fall, the mean is above them, so the end of a fall does not count as a rise.
     pub rise: Metre,
 }
 
 impl Baseline {
-    /// Creates an empty baseline. `memory` is the number of readings, at least 2, after which the
-    /// weight of a reading has fallen to 1/e once the memory has grown.
+    /// Creates an empty baseline. Once the memory has grown, the weight of a reading falls to 1/e
+    /// within `memory` readings, at least 2.
     pub const fn new(memory: f32) -> Self {
         Self {
             memory: memory.max(LEAST_MEMORY),
@@ -96,7 +96,7 @@ impl Baseline {
         self.origin = self.origin - zero;
     }
 
-    /// Advances by `interval` along the line and compares `reading` with it.
+    /// Advances the line by `interval` and returns the deviations of `reading` from line and mean.
     pub fn deviation(&mut self, interval: Second, reading: Metre) -> Deviation {
         if self.readings == 0 {
             self.origin = reading;
@@ -109,8 +109,8 @@ impl Baseline {
         }
     }
 
-    /// Adds the last reading to the line, by the deviation that [`Self::deviation`] returned for
-    /// it.
+    /// Adds the last reading to line and mean, given the deviation that [`Self::deviation`]
+    /// returned for this reading.
     pub fn learn(&mut self, interval: Second, deviation: Deviation) {
         let Metre(from_line) = deviation.from_line;
         let from_mean = self.level + from_line - self.mean;
@@ -129,9 +129,9 @@ impl Baseline {
         self.mean += mean_gain * from_mean;
     }
 
-    /// Largest departure of a recovery from the line within the memory, m. It is half of the line's
-    /// change in the memory's time, since the memory is an eighth of the time for which the
-    /// readings have fallen.
+    /// Largest departure of a recovery from the line within the memory, m: half of the line's
+    /// change over the memory, since the memory is an eighth of the time for which the readings
+    /// have fallen.
     pub(super) fn bend(&self, interval: Second) -> f32 {
         0.5 * self.rate.abs() * self.window * interval.0
     }
@@ -144,8 +144,8 @@ impl Baseline {
             return (level, rate, forgotten);
         }
         let n = self.readings as f32;
-        // The first readings have gains that make the line the least-squares line through all of
-        // them.
+        // The first readings have larger gains, which make the line the least-squares line through
+        // all of them.
         let pairs = n * (n + 1.0);
         (
             (2.0 * (2.0 * n - 1.0) / pairs).max(level),

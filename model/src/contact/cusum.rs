@@ -1,8 +1,8 @@
 //! Page's cumulative sum.
 
-/// A one-sided cumulative sum: each sample changes it to S = max(0, S + z - k), where z is the
-/// sample's deviation in units of its standard deviation, and it raises an alarm when S exceeds the
-/// threshold (Page, *Continuous inspection schemes*, Biometrika 41, 1954).
+/// A one-sided cumulative sum. Each sample changes the sum to S = max(0, S + z - k), where z is the
+/// sample's deviation in standard deviations and k the allowance. An alarm is raised when S exceeds
+/// the threshold (Page, *Continuous inspection schemes*, Biometrika 41, 1954).
 ///
 /// Of all tests with the same rate of false alarms it detects a shift of 2 k soonest (Moustakides
 /// 1986).

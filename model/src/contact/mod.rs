@@ -1,15 +1,15 @@
 //! Contact detection: whether an object touches the sensor, since when, and how deep.
 //!
-//! The reading of an untouched sensor drifts: it warms, and it recovers from the last press. The
-//! [`Baseline`] follows this drift; a [`Cusum`] test of the rise of the readings above the baseline
-//! detects a touch. Until the detection every reading is added to the baseline, afterwards none:
-//! since a touch is detected within a few readings, it hardly affects the baseline. During a touch
-//! the [`Zero`] extrapolates the baseline, within bounds that hold for any elastomer and any time.
+//! The reading of an untouched sensor drifts, because the sensor warms and recovers from the last
+//! press. The [`Baseline`] follows this drift; a [`Cusum`] test of the rise of the readings above
+//! the baseline detects a touch. Only readings before the detection are added to the baseline. The
+//! detection takes a few readings, so the touch hardly affects the baseline. During a touch the
+//! [`Zero`] extrapolates the baseline, within bounds that hold for any elastomer and any time.
 //!
-//! If the readings neither follow the baseline nor rise, for example because an object is lifted
-//! that was present from the start, the baseline does not learn this as a drift but restarts. If
-//! the reading of the untouched sensor is known ([`Watch::rest`]), an object that is present from
-//! the start is detected as a touch.
+//! Readings may depart from the baseline without a touch, for example when an object is lifted that
+//! was present from the start. The baseline then restarts instead of learning the departure as
+//! drift. If the reading of the untouched sensor is known ([`Watch::rest`]), an object that is
+//! present from the start is detected as a touch.
 //!
 //! # Figures
 //!
@@ -40,14 +40,14 @@ pub use zero::Zero;
 
 use crate::units::{Metre, OutOfRange, Requirement, Second};
 
-/// Number of readings of which the baseline only learns, before the test for touches starts.
+/// Number of readings that only train the baseline, before the test for touches starts.
 const LEAST_READINGS: u32 = 8;
 
 /// State of contact after a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Touch {
-    /// The baseline is still being learnt, or it is below the known rest, where an untouched sensor
-    /// cannot be.
+    /// The baseline is still being learnt, or it is lower than an untouched sensor with the known
+    /// rest can read.
     Settling,
     /// No contact.
     Clear,
@@ -71,7 +71,7 @@ pub struct Observation {
     pub touch: Touch,
 }
 
-/// Sums over the readings since the test's sum was last zero: possibly the start of a touch.
+/// Sums over the readings since the test's sum was last zero, possibly the start of a touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Rising {
     sum: f32,
@@ -96,9 +96,9 @@ impl Rising {
     /// Time from the estimated onset of the touch to now.
     ///
     /// Page's test places the onset where its sum was last zero. But a touch deepens from zero and
-    /// at first stays below the test's allowance: the line through the readings since then,
-    /// extrapolated back to zero, adds that time. It may reach back by as much as the length of the
-    /// run, but not beyond the first reading of the run.
+    /// at first stays below the test's allowance, so the line through the readings since then is
+    /// extrapolated back to zero. The onset is at most one length of the run before the run, and at
+    /// the latest at the run's first reading.
     fn ago(&self) -> f32 {
         let spread = self.count * self.squares - self.times * self.times;
         let covariance = self.count * self.products - self.times * self.values;
@@ -152,7 +152,7 @@ pub struct Detector {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Held {
     zero: Zero,
-    /// Reading before the touch, if an untouched sensor would not read that value.
+    /// Reading before the touch; `None` if an untouched sensor can have this reading.
     doubtful: Option<Metre>,
     deepest: Metre,
     /// Integral of the deformation over the touch, m s.
@@ -189,22 +189,22 @@ impl Detector {
         self.held.as_ref().map(|held| &held.zero)
     }
 
-    /// Mean age of this deformation: the integral of the deformation over the touch divided by the
-    /// present one. It is the mean age of the deformation's increments, weighted by their size.
-    /// `None` without a touch or without a positive deformation.
+    /// Mean age of the present `deformation`: the integral of the deformation over the touch,
+    /// divided by `deformation`. This is the mean age of the deformation's increments, weighted by
+    /// their size. `None` without a touch or without a positive deformation.
     ///
-    /// Creep and the coil's current add small, young increments, so the mean age of a held press
-    /// hardly changes by them. The creep of a press that only deepens follows the mean logarithm of
-    /// the increments' ages; the logarithm of the mean age is an upper bound of it (Jensen's
-    /// inequality).
+    /// Creep and the coil's current add small, young increments, which hardly change the mean age
+    /// of a press of constant depth. The creep of a press that only deepens follows the mean
+    /// logarithm of the increments' ages; the logarithm of the mean age is an upper bound of that
+    /// mean (Jensen's inequality).
     pub fn mean_age(&self, deformation: Metre) -> Option<Second> {
         let held = self.held.as_ref().filter(|_| deformation.0 > 0.0)?;
         Some(Second(held.integral / deformation.0))
     }
 
-    /// Reading before the touch, if an untouched sensor would not read that value: an object was
-    /// present from the start, or the sensor's rest has changed. The zero of the deformation is
-    /// then doubtful.
+    /// Reading before the touch; `None` if an untouched sensor can have this reading. `Some` makes
+    /// the zero of the deformation doubtful: an object was present from the start, or the sensor's
+    /// rest has changed.
     pub fn doubtful_rest(&self) -> Option<Metre> {
         self.held.as_ref().and_then(|held| held.doubtful)
     }
@@ -237,7 +237,7 @@ impl Detector {
         Some(-(rest + self.watch.release))
     }
 
-    /// Returns the reading if an untouched sensor would not read that value.
+    /// Returns the reading if an untouched sensor cannot have it, otherwise `None`.
     fn doubtful(&self, reading: Metre) -> Option<Metre> {
         let is_low = self
             .lowest_untouched()
@@ -248,8 +248,8 @@ impl Detector {
         (is_low || is_high).then_some(reading)
     }
 
-    /// Shifts the origin of all readings, past and future: `zero` becomes 0, and readings that are
-    /// lower by `zero` give the same deformation.
+    /// Shifts the origin of all readings, past and future: the reading `zero` becomes 0. Later
+    /// readings that are lower by `zero` give the same deformation.
     pub fn shift(&mut self, zero: Metre) {
         self.baseline.shift(zero);
         if let Some(held) = &mut self.held {
@@ -263,8 +263,8 @@ impl Detector {
         self.begin();
     }
 
-    /// Continues after an interruption or with other settings: a touch continues, but a baseline is
-    /// learnt again.
+    /// Continues after an interruption or with other settings. A touch continues; without a touch
+    /// the baseline is learnt again.
     pub fn resume(&mut self, watch: Watch) {
         // The remaining recovery is at most the last value of the baseline.
         if self.held.is_none() && self.baseline.readings() >= self.watch.settling {
@@ -342,7 +342,7 @@ impl Detector {
         self.untouched()
     }
 
-    /// Whether the readings have risen above the baseline; returns the time since the rise started.
+    /// Tests for a rise above the baseline; returns the time since the rise started.
     fn rises(&mut self, interval: Second, rise: Metre) -> Option<Second> {
         if self.baseline.readings() < LEAST_READINGS {
             return None;

@@ -24,8 +24,8 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// The bound after a touch of depth `deepest` and duration `touched`. `left` is what remained
-    /// from earlier touches at its start.
+    /// The bound after a touch of depth `deepest` and duration `touched`. `left` is the deformation
+    /// that remains from earlier touches at the release.
     #[must_use]
     pub fn after(self, deepest: Metre, touched: Second, left: Option<Metre>) -> Self {
         let own = MOST_CREEP * deepest.0;
@@ -36,8 +36,8 @@ impl Recovery {
                 since: 0.0,
             };
         };
-        // What remains of earlier touches has lost its fast modes: so the denominator starts at T +
-        // e t instead of T.
+        // The fast modes of earlier touches have decayed. The bound of these touches therefore
+        // continues from its present denominator T + e t, instead of restarting at T.
         let earlier = self.touched + E * (self.since + touched.0);
         Self {
             most: own + left.0,
@@ -59,7 +59,7 @@ impl Recovery {
         Metre(self.most * self.touched / (self.touched + E * self.since))
     }
 
-    /// Lowers the bound to a reading of the untouched sensor.
+    /// Lowers the bound to `reading`, a reading of the untouched sensor.
     pub fn no_more_than(&mut self, reading: Metre) {
         self.most = self.most.min(reading.0.max(0.0));
     }

@@ -14,10 +14,10 @@ pub struct Watch {
     pub settling: u32,
     /// Parameters of the tests for touches and movements.
     pub cusum: Cusum,
-    /// Deformation below which the touch is over. A touch that has not yet been twice as deep as
-    /// this ends below half of its greatest depth, so that a slow touch does not end where it
-    /// starts. Any touch ends below two sigma, and below the largest remaining recovery of the
-    /// elastomer ([`MOST_CREEP`](super::MOST_CREEP) of the greatest depth).
+    /// Deformation below which a touch ends. For a touch less than twice as deep as this, the limit
+    /// is half of its greatest depth, but at least two sigma, so that a slow touch does not end
+    /// where it starts. The limit is never below the largest remaining recovery of the elastomer
+    /// ([`MOST_CREEP`](super::MOST_CREEP) of the greatest depth).
     pub release: Metre,
     /// Largest reading of the untouched and recovered sensor, in magnitude; `None` if unknown.
     pub rest: Option<Metre>,

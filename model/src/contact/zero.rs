@@ -8,14 +8,14 @@ use crate::units::{Metre, Second};
 /// extrapolated.
 ///
 /// While an elastomer recovers from an earlier press, its remaining deformation falls as a sum of
-/// decaying exponentials. Such a sum never falls faster than at its initial rate, is convex, and
-/// ends at the rest: starting from `left` with the rate r, it falls in the time t by at most `left`
-/// (1 - exp(-r t/`left`)), and at least by zero. The zero is assumed to fall by `left` r t/(`left`
-/// + r t), which lies between these two, so it stays between the baseline and the rest for ever.
+/// decaying exponentials. Such a sum never falls faster than at its initial rate r, is convex, and
+/// ends at the rest. From `left` above the rest, it falls in the time t by at least zero and at
+/// most `left` (1 - exp(-r t/`left`)). The zero is assumed to fall by `left` r t/(`left` + r t),
+/// which lies between these bounds, so it stays between the baseline and the rest for ever.
 ///
-/// The uncertainty has four components: the noise of the baseline; the zero may be as low as the
-/// rest, if the supposed recovery was in fact an object on the sensor; the zero may have fallen
-/// less; and the sensor may have become warmer or colder.
+/// The uncertainty has four components: the noise of the baseline; a zero as low as the rest, if
+/// the supposed recovery was an object on the sensor; a fall smaller than assumed; and a change of
+/// the sensor's temperature.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Zero {
     start: Metre,
@@ -33,8 +33,8 @@ pub struct Zero {
     elapsed: f32,
 }
 
-/// Largest rate at which the temperature changes, K/s, and (`WARMING_K`) its largest change: a room
-/// that is heated, and the board of a coil in operation.
+/// Largest rate at which the temperature changes, K/s, and (`MOST_WARMING_K`) its largest change:
+/// in a heated room, and on the board of a coil in operation.
 const WARMING_K_PER_S: f32 = 2.0 / 60.0;
 const MOST_WARMING_K: f32 = 10.0;
 
@@ -42,10 +42,12 @@ const MOST_WARMING_K: f32 = 10.0;
 const UNIFORM: f32 = 0.577_35;
 
 impl Zero {
-    /// The zero of a touch that started at the time `elapsed` after the baseline's last reading.
+    /// The zero of a touch that started with the last reading of `baseline`, the time `elapsed`
+    /// ago.
     ///
-    /// If the rest is known, it is the reading 0. Otherwise the largest further fall is the rate of
-    /// the line times the time for which the line has been learnt.
+    /// A known rest is the reading 0, so the zero may fall by the baseline's value. Otherwise the
+    /// largest further fall is the rate of the line times the time for which the line has been
+    /// learnt.
     pub(super) fn learnt(
         baseline: &Baseline,
         watch: &Watch,
@@ -105,9 +107,9 @@ impl Zero {
         }
     }
 
-    /// Standard uncertainty of the zero's fall since the start of the touch. A sum of modes that
-    /// are decades apart may have all but stopped falling, so the whole fall counts as two standard
-    /// uncertainties.
+    /// Standard uncertainty of the zero's fall since the start of the touch: half of the fall. A
+    /// recovery whose time constants are decades apart may have all but stopped, so the whole fall
+    /// counts as two standard uncertainties.
     pub(super) fn of_fall(&self) -> Metre {
         Metre(0.5 * self.fall())
     }

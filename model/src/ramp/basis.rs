@@ -22,8 +22,8 @@ pub enum DriftModel {
     /// phi = frac(t/period) - 1/2: for an effect that restarts with every falling ramp, such as the
     /// coil's heat.
     ///
-    /// This shape resembles the signal, which repeats with the same period. So it raises the
-    /// standard error as much as a linear drift does over a single ramp: four times.
+    /// This shape resembles the signal, which repeats with the same period. It therefore raises the
+    /// standard error by a factor of four, as a linear drift does over a single ramp.
     SawTooth {
         /// Time from one ramp's start to the next.
         period: Second,
@@ -124,7 +124,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// A linear load without drift: eq. (2), applied to a whole ramp.
+    /// A linear load without drift: eq. (2) of [`springs`](crate::springs) for a whole ramp.
     pub const LINEAR: Self = Self {
         terms: [
             Term::Level,

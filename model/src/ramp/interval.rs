@@ -100,8 +100,8 @@ impl LoadRatio {
         }
     }
 
-    /// Stiffness c_L = c_S/kappa. The ends of its interval are those of kappa's, inverted, so its
-    /// coverage is exactly the same.
+    /// Stiffness c_L = c_S/kappa. The ends of its interval are c_S divided by the ends of kappa's
+    /// interval, so both intervals have the same coverage.
     ///
     /// ```
     /// use palpate_model::ramp::{LoadRatio, LoadStiffness};
@@ -150,11 +150,12 @@ pub(super) struct RatioCovariance {
 /// Distances from the estimate `ratio` to the lower (negative) and the upper end of its interval.
 ///
 /// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): the interval
-/// contains all rho for which numerator - rho denominator is within `quantile` standard errors of
-/// zero. Written in delta = rho - ratio, which keeps the digits that the textbook's quadratic in
-/// rho loses:
+/// contains all rho for which numerator - rho denominator is within t = `quantile` standard errors
+/// of zero. A quadratic in delta = rho - ratio keeps the digits that the textbook's quadratic in
+/// rho loses. With numerator a, denominator b, the variance V_bb of b, the covariance V_ab, and the
+/// variance V_r of a - ratio b:
 ///
-/// (b^2 - t^2 V_bb) delta^2 - 2 t^2 (rho V_bb - V_ab) delta - t^2 V_rho <= 0.
+/// (b^2 - t^2 V_bb) delta^2 - 2 t^2 (ratio V_bb - V_ab) delta - t^2 V_r <= 0.
 ///
 /// If b^2 <= t^2 V_bb, the interval is unbounded: `Err` contains b divided by its standard error.
 pub(super) fn fieller(

@@ -49,20 +49,20 @@ impl Bend {
     }
 
     /// Standard uncertainty of kappa = c_S/c_L due to the bend. `scatter` is the factor by which
-    /// the noise is larger than the fit states, `whole` is W = 1 + kappa + g. What noise
-    /// contributes to the square of the bend in the mean is subtracted.
+    /// the noise is larger than the fit states, `whole` is W = 1 + kappa + g. The mean contribution
+    /// of noise to the square of the bend is subtracted.
     pub fn uncertainty(&self, whole: f32, scatter: f32) -> f32 {
         self.beyond(scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Standard uncertainty of kappa due to that part of the bend which is significant, so that a
-    /// refusal may be based on it.
+    /// Standard uncertainty of kappa due to the significant part of the bend only; a refusal may be
+    /// based on it.
     pub fn significant_uncertainty(&self, whole: f32, scatter: f32) -> f32 {
         self.beyond(SIGNIFICANT * scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Magnitude of the bend: root of its square less the square of this many of its standard
-    /// errors.
+    /// Magnitude of the bend beyond noise: root of its square minus the square of `standard_errors`
+    /// times its standard error.
     fn beyond(&self, standard_errors: f32) -> f32 {
         let Coefficient {
             value,

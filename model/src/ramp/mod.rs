@@ -15,14 +15,14 @@
 //! -u = alpha x + beta h x - d phi x_ref + noise, weight 1/var = (x / (x_ref sigma))^2,
 //!
 //! which is the fit of 1/x on g with weights x^4/sigma^2, exact for a drift of any size; for two
-//! samples it is eq. (2). The noise in the columns causes a bias of second order only: it is 3
-//! (sigma/x)^2 both of alpha + 1 and of beta, which cancels in their ratio. The weights omit 1 + d
-//! phi, so stated standard errors are off by the fraction d phi.
+//! samples it is eq. (2) of [`springs`](crate::springs). The noise in the columns causes a bias of
+//! second order only: the fraction 3 (sigma/x)^2 of alpha + 1 and of beta, which cancels in their
+//! ratio. The weights omit 1 + d phi, so stated standard errors are off by the fraction d phi.
 //!
 //! A non-linear load bends the line: [`Term::Quadratic`] and [`Term::Cubic`] fit the bend, and
 //! tangent stiffness and load curve are computed from the bent line. The stiffness is always that
-//! of the tangent; the ramp does not contain the displacement from the load's first touch to its
-//! state on the ramp.
+//! of the tangent, since the ramp does not contain the displacement from the load's first touch to
+//! its state on the ramp.
 //!
 //! # Design of the ramp
 //!
@@ -180,9 +180,9 @@ impl Ramp {
         Ok(())
     }
 
-    /// The sums of the samples added since `earlier`, a copy of these sums: so one set of running
-    /// sums serves both a train of ramps and each single ramp. `None` if `earlier` is not such a
-    /// copy.
+    /// Returns the sums of the samples added since `earlier`, a copy of these sums. One set of
+    /// running sums thus serves both a train of ramps and each single ramp. `None` if `earlier` is
+    /// not such a copy.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample};
@@ -221,8 +221,8 @@ impl Ramp {
     }
 
     /// Solves for the first `count` unknowns only. The result is bit for bit as if the samples had
-    /// been pushed to sums of only these unknowns: so one set of running sums serves both a simple
-    /// evaluation and one with further terms. `None` if there are fewer unknowns.
+    /// been pushed to sums of only these unknowns. One set of running sums thus serves both a
+    /// simple evaluation and one with further terms. `None` if there are fewer unknowns.
     ///
     /// ```
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample, Term};

@@ -13,7 +13,7 @@
 use super::MOST_TERMS;
 use crate::math::Wide;
 
-/// One number for each possible unknown; those that the basis does not have are zero.
+/// One number for each possible unknown; zero for unknowns that the basis does not have.
 pub(super) type Row<T> = [T; MOST_TERMS];
 
 /// Upper triangle of the weighted cross products of the columns with each other, and their cross
@@ -87,8 +87,8 @@ impl Moments {
         self.rows = self.rows.saturating_add(1);
     }
 
-    /// The sums of the rows added since `earlier`. They are exact except for the rounding of the
-    /// sums themselves, 2^-60 of those of all rows.
+    /// The sums of the rows added since `earlier`. Their only error is the rounding of the sums
+    /// themselves, 2^-60 of the sums of all rows.
     pub(super) fn since(&self, earlier: &Self) -> Self {
         let mut since = *self;
         let rows = since.products.iter_mut().zip(&earlier.products);
@@ -147,7 +147,7 @@ impl Moments {
 }
 
 /// Cross products during the Gauss-Jordan elimination in place: swept columns contain the inverse,
-/// all others what remains of them.
+/// all others the remaining cross products.
 struct Sweep {
     count: usize,
     rows: Row<Row<Wide>>,

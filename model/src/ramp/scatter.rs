@@ -17,7 +17,7 @@ use crate::math::sqrt;
 ///     scatter.add(kappa, 0.02);
 /// }
 /// assert!((scatter.mean() - 1.0).abs() < 1e-6);
-/// // The four disagree by four times their own errors: widen by that.
+/// // The four disagree by four times their own errors: widen by this factor.
 /// assert!((scatter.birge_ratio().unwrap() - 4.08).abs() < 0.01);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,8 +77,8 @@ impl Scatter {
     /// like noise. The correlation r of successive estimates follows from their differences (von
     /// Neumann, Ann. Math. Stat. 12, 1941, p. 367): 1 - r is the sum of the squared differences
     /// divided by that of the squared deviations from the mean, each in units of its own variance.
-    /// The variance of the mean is (1 + r)/(1 - r) times as large. What noise contributes to r^2,
-    /// 1/count, is subtracted. The error of the mean is limited to that of one estimate.
+    /// The variance of the mean is (1 + r)/(1 - r) times as large. The contribution of noise to
+    /// r^2, 1/count, is subtracted. The error of the mean is limited to that of one estimate.
     pub fn of_mean(&self) -> Option<f32> {
         let birge_ratio = self.birge_ratio()?;
         let count = self.count as f32;

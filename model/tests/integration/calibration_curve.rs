@@ -87,8 +87,8 @@ proptest! {
     }
 }
 
-/// Slope at the first of three points of their parabola, in f64: it has the sign of the secants
-/// here, so the limit does not act.
+/// Slope, in f64, at the first of three points of the parabola through them. Here it has the sign
+/// of the secants, so the limit in the crate has no effect.
 fn at_the_end(points: [(f64, f64); 3]) -> f64 {
     let [(x0, y0), (x1, y1), (x2, y2)] = points;
     let (d0, d1) = ((y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1));

@@ -142,7 +142,7 @@ fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
         };
         let seen = detector.push(Second(INTERVAL as f32), world.reading(pressed));
         if i == 3999 {
-            // Two seconds of the drift, since the drift is not extrapolated into the touch.
+            // Two seconds of drift remain, since a rising baseline is not extrapolated.
             let error = f64::from(seen.deformation.0) - 300e-6;
             assert!(error.abs() < 40e-9, "{error:e}");
         }
@@ -178,7 +178,7 @@ fn the_baseline_follows_a_line_and_its_noise_is_as_stated() {
         last = deviation.from_line.0;
     }
     assert!(last.abs() < 1e-11 && (clean.rate() - 4e-9).abs() < 1e-12);
-    // Variance of the prediction: the variance of the deviations less that of a reading.
+    // Variance of the prediction: the variance of the deviations minus that of a reading.
     let memory = 20.0;
     let (mut rng, mut baseline) = (Rng::new(9), Baseline::new(memory));
     let (mut squares, mut count) = (0.0, 0.0);
@@ -214,9 +214,8 @@ fn bad_readings_pass_without_effect() {
     assert!(Detector::new(watch(f32::NAN)).is_err());
 }
 
-/// The age of a press is the time for which it has been held, whatever its path to the depth, even
-/// if it has crept or the coil's current has deepened it. If it was lighter before, its age is less
-/// than that of the touch.
+/// The age of a press is the time since it reached its depth, regardless of the path to it, of
+/// creep and of the coil's current. A press that was lighter before is younger than the touch.
 #[test]
 fn the_age_of_a_press_is_that_of_its_depth() {
     let interval = Second(1e-2);
@@ -247,8 +246,8 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         }
         let Second(age_s) = detector.mean_age(deformation * 2.0).unwrap();
         assert!((27.0..=33.0).contains(&age_s), "{rise_s} s: {age_s} s");
-        // Without a press there is no age; in particular, no infinite creep times a deformation of
-        // zero.
+        // A deformation that is not positive has no age: an infinite age would give infinite creep
+        // times a deformation of zero.
         assert!(
             [0.0, -1e-6]
                 .into_iter()

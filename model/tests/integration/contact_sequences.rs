@@ -58,7 +58,7 @@ impl Layer {
         self.start_k + (self.kelvin_per_s * self.time_s).clamp(-10.0, 10.0)
     }
 
-    /// The object is removed: creep of this touch becomes creep left by it.
+    /// Removes the object: creep of this touch becomes creep left by earlier touches.
     fn lifted(&mut self) {
         for (left, creep) in self.left_m.iter_mut().zip(&mut self.creep_m) {
             *left += core::mem::take(creep);

@@ -24,8 +24,8 @@ fn quadratic(part: f64) -> f64 {
     (1.0 - part).powi(2)
 }
 
-/// The stiffening with a first-order lag of `lag` times the duration of a fall, settled at the
-/// peak: y = u + lag y' solved in closed form.
+/// The stiffening y with a first-order lag of `lag` times the duration of a fall, settled at the
+/// peak: y = u - lag y' solved in closed form, with the quadratic stiffening u.
 fn lagging(part: f64, lag: f64) -> f64 {
     let particular = |s: f64| (1.0 - s).powi(2) + 2.0 * lag * (1.0 - s) + 2.0 * lag * lag;
     particular(part) + (1.0 - particular(0.0)) * (-part / lag).exp()
@@ -123,7 +123,7 @@ fn the_uncertainty_grows_with_the_bend_and_shrinks_with_the_noise() {
     // due to chance.
     assert!(bend.uncertainty(3.5, 10.0) < alone);
     assert_eq!(bend.uncertainty(3.5, 1e4), 0.0);
-    // The uncertainty on which a refusal may be based is smaller, and zero for a third of the
+    // The uncertainty for a refusal is smaller: it equals the other uncertainty at three times the
     // noise.
     assert!(bend.significant_uncertainty(3.5, 10.0) < bend.uncertainty(3.5, 10.0));
     assert_eq!(

@@ -165,7 +165,7 @@ fn scatter_is_as_defined() {
     let mut rng = Rng::new(23);
     let mut limited = 0;
     for turn in [0.0, 0.003, 0.05, 0.45].repeat(100) {
-        // Twelve estimates with a disturbance that advances by this part of a turn each.
+        // Twelve estimates with a disturbance whose phase advances by `turn` from each to the next.
         let (phase, size) = (rng.uniform(), rng.between(0.0, 0.3));
         let estimates: Vec<(f32, f32)> = (0..12)
             .map(|ramp| {

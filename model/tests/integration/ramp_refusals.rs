@@ -107,7 +107,7 @@ fn no_signal_a_reversed_one_and_a_negative_spring() {
     assert!(
         matches!(reversed, Err(RampRefusal::SignalReversed { significance }) if significance < -50.0)
     );
-    // One and a half times the largest signal of three springs.
+    // One and a half times the largest signal that three springs can give: kappa becomes negative.
     let strong = load(1e-4, |s| RampSample {
         deformation: s.deformation * 1.6,
         ..*s

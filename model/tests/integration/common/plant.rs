@@ -1,5 +1,5 @@
-//! A press on a spring, as in section 2 of the physics: three springs in series with a constant
-//! total length, the actuated one softening with the current.
+//! A press on a spring, as in the crate's module `springs`: three springs in series with a constant
+//! total length, of which the actuated one softens with the current.
 
 use palpate_model::ramp::{Basis, Fit, Noise, Ramp, RampRefusal, RampSample, Reference};
 use palpate_model::units::{Metre, Second};
