@@ -4,12 +4,12 @@
 //!
 //! x = (X_j (1 + d_j phi + e_j t) - k I^2 g/c_S)/(1 + kappa_j + g).
 //!
-//! The unknowns are h's coefficients, the attraction k, g0, and X and the drifts of each run. The
-//! method of Gauss and Newton minimises the sum of (x read - x)^2. The reading and its noise stand
-//! on the left side alone. Multiplied by 1/x the same equation is linear, but then the noise is
-//! among its coefficients, which makes h, and with it every load, too small by the ratio of noise
-//! to signal. Loads of different stiffness separate h from g0; presses of different depth separate
-//! the attraction.
+//! The unknowns are h's coefficients, the attraction k, g0, and for each run X and the drifts d and
+//! e. The Gauss-Newton method minimises the sum of (measured x - x)^2. The noise is then on the
+//! left side alone. Multiplied by 1/x the equation is linear, but the noise is among its
+//! coefficients, which makes h, and with it every load, too small by the ratio of noise to signal.
+//! Loads of different stiffness separate h from g0; presses of different depth separate the
+//! attraction.
 
 use super::actuated_layer::Actuated;
 use super::crosstalk::Crosstalk;
@@ -75,8 +75,8 @@ pub(crate) fn fit(
     problem.fit()
 }
 
-/// Fits the trains, with the growth of the cross-talk with the press as one more unknown. It
-/// differs from h: X I^2 lowers 1/x in proportion to W_j, while h is common to all trains.
+/// Fits the trains, with the growth of the cross-talk with the press as one more unknown. The
+/// growth differs from h: X I^2 lowers 1/x in proportion to W_j, while h is common to all trains.
 pub(crate) fn fit_with_growth(
     runs: &[SampleRun],
     force: &PressCurve,

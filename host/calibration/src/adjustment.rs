@@ -1,10 +1,10 @@
 //! Adjustment of the layer to the load that each train gives by itself.
 //!
-//! The fit of all samples gives h's shape. It weights every sample alike, as if only noise kept a
-//! train from its line. In fact creep, memory and the spring's error are common to all samples of a
-//! train, and the fit bends the five quantities below to follow them. Here every train counts once,
-//! with kappa = c_S/c_L by its own line. With W = 1 + kappa + c_S/c_D0 and the deformation x, an
-//! error of each quantity causes an error of kappa in proportion to:
+//! The fit of all samples gives h's shape. It weights every sample alike, as if noise were the only
+//! deviation of a train from its line. In fact creep, memory and the spring's error are common to
+//! all samples of a train, and bias the five quantities below. Here every train counts once, with
+//! kappa = c_S/c_L from its own line. With W = 1 + kappa + c_S/c_D0 and the deformation x, an error
+//! of each quantity causes an error of kappa in proportion to:
 //!
 //! | quantity | error of kappa |
 //! |---|---|
@@ -12,10 +12,10 @@
 //! | size of h | W |
 //! | attraction | W/x |
 //! | cross-talk | W^2/x |
-//! | its growth with the press | W^2 |
+//! | growth of the cross-talk with the press | W^2 |
 //!
-//! Loads of different stiffness and presses of different depth separate them. They are found by
-//! weighted least squares, with one more unknown for the error of each spring, limited by the
+//! Loads of different stiffness and presses of different depth separate the quantities. Weighted
+//! least squares finds them, with one more unknown for the error of each spring, limited by the
 //! tolerance. The mean bend of the trains' lines is then removed from h's shape.
 
 use super::Unusable;
@@ -36,12 +36,12 @@ pub(crate) type Changes = [f64; QUANTITIES];
 /// Step of each quantity for numerical derivatives: a thousandth of typical changes.
 const STEPS: Changes = [1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
 /// Rounds of the iteration that alternates between the trains' scatter and the quantities. The
-/// third changes no quantity by more than a thousandth of its uncertainty.
+/// third round changes no quantity by more than a thousandth of its uncertainty.
 const ROUNDS: usize = 4;
 /// Lower limit of the scatter: standard deviation of the trains' kappa about the adjusted layer, in
-/// addition to each train's own error, relative to W. On 54 simulated sensors of the design
-/// `ultrasoft` (seeds 900001 to 900060) it is the scatter of the quietest ten; on half of all, the
-/// trains' own errors explain the whole scatter.
+/// addition to each train's own error, relative to W. Of 54 simulated sensors of the design
+/// `ultrasoft` (seeds 900001 to 900060), the ten with the least scatter have this value; on half of
+/// all sensors the trains' own errors explain the whole scatter.
 pub(crate) const LEAST_SCATTER: f64 = 0.0008;
 /// Upper limit of the trains' scatter, relative to W; with more scatter the trains carry no
 /// information.
@@ -54,9 +54,9 @@ const SCATTER_SETTLED: f64 = 1e-3;
 const BEFOREHAND: f64 = 1.0;
 /// Prior standard deviations of the changes of the cross-talk and of its growth, relative to the
 /// cross-talk: the train without contact determines the cross-talk, the load cell its growth. On 60
-/// simulated sensors of the design `ultrasoft` the changes are at most a tenth and three tenths.
-/// Without these priors, where the cross-talk is small compared with what keeps trains from their
-/// lines, as on the design `closed`, loads and depths would give three times the cross-talk of the
+/// simulated sensors of the design `ultrasoft` the changes are at most a tenth and three tenths. On
+/// the design `closed` the cross-talk is small compared with the trains' deviations from their
+/// lines; there, loads and depths without these priors would give three times the cross-talk of the
 /// untouched sensor.
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
 /// Cross-talk at the peak current, relative to the mean deformation, below which its growth is not
@@ -73,8 +73,7 @@ pub(crate) struct Adjusted {
     pub(crate) covariance: [Changes; QUANTITIES],
     /// Covariance of the quantities if the springs were exact.
     pub(crate) covariance_of_exact_springs: [Changes; QUANTITIES],
-    /// Nominal kappa of every train, and the deviation from it of the kappa that the train's own
-    /// line gives.
+    /// For every train: its nominal kappa, and the deviation of the kappa that its own line gives.
     pub(crate) misses: Vec<(f64, f64)>,
     /// Bend of each train's own line.
     pub(crate) bends: Vec<Bend>,
@@ -134,8 +133,8 @@ impl Layer {
         self.crosstalk_at_peak() > CARRIES_GROWTH
     }
 
-    /// Samples of a train, prepared with the cross-talk `prepared`, corrected for the cross-talk of
-    /// this layer instead.
+    /// Returns the samples of a train, corrected for the cross-talk of this layer instead of the
+    /// cross-talk `prepared` with which they were prepared.
     fn samples(&self, train: &Train, prepared: &Crosstalk) -> Vec<FallSample> {
         let samples = train.samples.iter().map(|sample| {
             let read_m = prepared.with(sample.deformation_m, sample.current_a);
@@ -272,8 +271,8 @@ fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
 /// The trains, each as one measurement of its load.
 struct Trains<'f> {
     trains: &'f [Train],
-    /// The layer of the fit, with whose cross-talk the samples are prepared; the iteration changes
-    /// only its bend.
+    /// The fitted layer. The samples are prepared with its cross-talk; the iteration changes only
+    /// its bend.
     fitted: Layer,
     /// Standard error of each train's kappa.
     errors: Vec<f64>,

@@ -156,16 +156,16 @@ const TRAIN: Duration = Duration::from_millis(60_000);
 /// Time that is still recorded after the end of a train.
 const AFTERWARDS: Duration = Duration::from_millis(50);
 
-/// Factor of the first press without a train over the greatest force of all runs: between a press
-/// and a train creep releases a few per cent of the force.
+/// Target force of the first press without a train over the greatest force of all runs: between a
+/// press and a train, creep releases a few per cent of the force.
 const BEYOND_TRAINS: f64 = 1.08;
-/// Factor of each further press without a train over the one before, until it exceeds the trains'
+/// Factor from each press without a train to the next one, until a press exceeds the trains'
 /// readings: on a soft load the sensing layer creeps at constant force, by a tenth and more.
 const FURTHER: f64 = 1.05;
 /// Greatest number of further presses: the last is 1.6 times as deep as the first, more than any
 /// creep needs.
 const ATTEMPTS: u32 = 10;
-/// Time before the end of a press that is not evaluated, s: there a conversion averages over the
+/// Time at the end of a press that is not evaluated, s: a conversion in this time averages over the
 /// stop of the stage.
 const STOP_S: f64 = 5e-3;
 

@@ -34,7 +34,7 @@ pub struct Calibration {
     pub actuated: Actuated,
     /// Relative error of the signal per relative error of the stiffening, at the mean depth.
     pub stiffening_of_signal: f64,
-    /// Uncertainty that the calibration leaves.
+    /// Uncertainty of a load that remains after the calibration.
     pub uncertainty: Uncertainty,
     /// Cross-talk of the coil's current.
     pub crosstalk: Crosstalk,
@@ -58,7 +58,7 @@ pub struct Basis {
     pub presses: Vec<(f64, f64)>,
     /// The curve fitted to these presses.
     pub curve: Vec<(f64, f64)>,
-    /// Nominal c_S/c_L of every train, with the deviation from it that the train's own line gives.
+    /// For every train: nominal c_S/c_L, and deviation of the value by its own line.
     pub trains: Vec<(f64, f64)>,
     /// Nominal stiffness of every spring, with the stiffness from stage and force, N/m. Empty
     /// without a scale.

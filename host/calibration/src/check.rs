@@ -2,11 +2,11 @@
 //!
 //! After a calibration the stiffening changes most, by temperature and age. This change has the
 //! signal's own shape, so no press onto an unknown load shows it. Let W = 1 + kappa + c_S/c_D0. If
-//! a press onto a spring of known kappa is read with another W, the signal seems to have changed by
-//! the ratio of the two. The check corrects a share of that change: the variance of kappa by the
-//! signal over the total variance of kappa. This is the filter of Kalman (Trans. ASME 82D, 1960, p.
-//! 35) for one quantity. The other errors, a constant one and one proportional to kappa, remain;
-//! their effect on the press goes into the signal's size, so they cancel near the spring's kappa.
+//! a press onto a spring of known kappa gives another W, the signal seems to have changed by the
+//! ratio of the true to the measured W. The check corrects a share of this change: the variance of
+//! kappa due to the signal over the total variance of kappa. This is Kalman's filter (Trans. ASME
+//! 82D, 1960, p. 35) for one quantity. A constant error and one proportional to kappa remain. Their
+//! effect on the press counts as signal, so they cancel near the spring's kappa.
 
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
@@ -82,8 +82,8 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
     })
 }
 
-/// Independent standard uncertainties that add to that of kappa: a constant one, one proportional
-/// to kappa, and one proportional to W.
+/// Independent standard uncertainties of kappa: a constant one, one proportional to kappa, and one
+/// proportional to W.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Open {
     constant: f64,
@@ -122,7 +122,7 @@ struct Filter {
     whole: f64,
     /// Error of the measured kappa; positive where it is too small.
     error: f64,
-    /// Variance of `error`, and the contribution of press and spring to it.
+    /// Variance of `error`, and (`own`) the part of it that press and spring contribute.
     variance: f64,
     own: f64,
     /// Share of `error` that is attributed to the signal.
@@ -153,8 +153,8 @@ impl Filter {
         }
     }
 
-    /// Variance at another kappa after the check. The constant error and that proportional to kappa
-    /// remain, and their effect on the press has gone into the signal's size.
+    /// Variance at another kappa after the check. The constant error and the error proportional to
+    /// kappa remain; their effect on the press is contained in the signal's size.
     fn left(&self, open: &Open, kappa: f64) -> f64 {
         let whole = 1.0 + kappa + self.ratio;
         let turned = self.gain * whole / self.whole;
@@ -379,8 +379,8 @@ mod tests {
         (1.0 + kappa + RATIO - pull_m / DEPTH_M * ratio) / (1.0 + kappa + ratio)
     }
 
-    /// kappa that a sensor calibrated with another rise reads: the one at which it has the
-    /// deformation at the peak that this sensor has.
+    /// kappa that a sensor calibrated with `calibrated_rise` reads: the kappa at which that rise
+    /// gives the deformation at the peak that `rise` and the true `kappa` give.
     fn read_as(rise: f64, kappa: f64, calibrated_rise: f64) -> f64 {
         let (mut low, mut high) = (-0.5, 20.0);
         for _ in 0..80 {
@@ -434,7 +434,7 @@ mod tests {
             assert!((checked.rise_change - (found / prior - 1.0)).abs() < 1e-3);
             assert!((found / prior / grown - 1.0).abs() < 0.01, "{found} {rise}");
             assert_eq!(checked.deviation > 0.0, grown > 1.0);
-            // The spring is then read correctly.
+            // After the correction the spring is read correctly.
             let again = read_as(rise, 1.0, RISE * found / prior);
             assert!((again - 1.0).abs() < 0.02, "{again}");
         }
@@ -497,7 +497,7 @@ mod tests {
         let before = signal_of(&calibration(0.01), CALIBRATED_AT_C + 10.0);
         assert!((before / (0.03_f64.hypot(0.01) / (1.0 + RISE)) - 1.0).abs() < 0.01);
         assert!(signal_of(&checked.commands, CALIBRATED_AT_C + 10.0) < before);
-        // On a spring of c_S: 1 %, 3 % of the rise and 2 % of the springs, at W of 3.1.
+        // On a spring of c_S, at W of 3.1: 1 % and 3 % by the rise, 2 % by the springs.
         let [_, at_like, _] = checked.uncertainty_before;
         let whole = 2.0 + RATIO;
         let expected = (before * whole).hypot(0.005).hypot(0.003_f64.hypot(0.02));
@@ -619,8 +619,8 @@ mod tests {
         for (kappa, (squares, claimed)) in loads.into_iter().zip(squares.into_iter().zip(claimed)) {
             let ratio = (squares / claimed).sqrt();
             println!("{kappa}: {ratio}");
-            // The true variance has a minimum between the loads, which the three terms cannot
-            // follow: there they are wider.
+            // The true variance has a minimum between the loads. The three terms cannot follow it
+            // and are larger there.
             assert!((0.6..1.15).contains(&ratio), "{kappa}: {ratio}");
         }
     }

@@ -68,7 +68,7 @@ pub(crate) fn uncertainty(
     let found = Uncertainty {
         constant,
         scale,
-        // The instrument counts this term as W/(1 + rise).
+        // The instrument multiplies the uncertainty of the rise by W/(1 + rise).
         rise: whole * (1.0 + actuated.rise(actuated.peak_a)),
         bend: Bend::root_mean_square(&adjusted.bends),
         at: relative(&|kappa| open.all(kappa)),

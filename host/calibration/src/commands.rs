@@ -80,7 +80,7 @@ impl Findings<'_> {
             Command::SetTemperatureEffect(TemperatureEffect {
                 calibrated_at_c: self.temperature_c as f32,
                 springs_uncertainty_per_k: self.known.springs_per_k as f32,
-                // The instrument counts an error of the rise as one of the signal.
+                // The instrument treats an error of the rise as an error of the signal.
                 rise_uncertainty_per_k: (self.known.rise_per_k * self.stiffening_of_signal) as f32,
             }),
         ]);

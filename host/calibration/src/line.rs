@@ -1,8 +1,8 @@
 //! Fit of a line to one train, which gives its load.
 //!
 //! x (1 + kappa + g) = x_0 (1 + d phi(t) + e t), with g the compliance of the actuated layer over
-//! that of the sensing layer. Like the [fit of all trains](super::actuated), and for the same
-//! reason, the iteration minimises the squares of the deformations' residuals.
+//! that of the sensing layer. Like the [fit of all trains](super::actuated), the iteration
+//! minimises the squares of the deformations' residuals, so that no coefficient contains noise.
 
 use super::Unusable;
 use super::actuated_layer::Actuated;
@@ -180,7 +180,7 @@ impl LinePoint {
         let phi = (self.time_s / tau_s).ln_1p();
         let level = depth_m / self.deformation_m;
         let right = 1.0 + self.compliance;
-        // The noise of x enters as x_0/x^2.
+        // Noise of x changes the equation by x_0/x^2 times the noise.
         let weight = (level * level).recip();
         let row = vec![level, level * phi, -1.0, level * self.time_s];
         (row, right, weight)

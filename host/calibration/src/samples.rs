@@ -98,9 +98,9 @@ fn between(
     Some(from + way * (to - from))
 }
 
-/// Force below which a conversion is left out, N, and time before the stop in which it is left out,
-/// s: a conversion during touch or stop averages over a kink, while the gauges are interpolated
-/// linearly between two readings.
+/// Force below which a conversion is left out, N, and (`CLEAR_OF_STOP_S`) time before the stop in
+/// which it is left out, s: a conversion during touch or stop averages over a kink, while the
+/// gauges are interpolated linearly between two readings.
 const CLEAR_OF_TOUCH_N: f64 = 50e-3;
 const CLEAR_OF_STOP_S: f64 = 3e-3;
 /// Force above which the specimen touches, N: clearly above the noise of the load cell (1 mN).

@@ -76,11 +76,11 @@ fn coefficients(at_first: &Calibration, at_second: &Calibration, warmer_k: f64) 
     }
 }
 
-/// Changes that bring the quantities of the second session to those of the first. The instrument
-/// keeps those of the first at every temperature: c_S/c_D0, since both layers change alike, the
-/// attraction, and the cross-talk. The second session is evaluated with c_S at the first
-/// temperature: its deformations are `springs` times as large as they were, and what the sensing
-/// layer gives way beyond them counts to c_S/c_D0.
+/// Returns the changes that convert the quantities of the second session to those of the first. The
+/// instrument keeps c_S/c_D0 of the first session at every temperature, since both layers change
+/// alike, and also its attraction and cross-talk. The second session is evaluated with c_S at the
+/// first temperature: its deformations are `springs` times the true ones, and the rest of the
+/// sensing layer's deformation counts as part of c_S/c_D0.
 fn quantities_of(first: &Calibration, second: &Calibration, springs: f64) -> Changes {
     let square_a2 = second.actuated.peak_a * second.actuated.peak_a;
     let at_depth = |difference: f64| difference * square_a2 / second.depth_m;
@@ -104,9 +104,9 @@ struct Change {
     uncertainty: f64,
 }
 
-/// Change of the size of h if the other adjusted quantities have these changes, by the covariance
-/// of their errors: what the trains leave open is a combination of all five, and the size of h is
-/// far better known beside the others than by itself.
+/// Returns the change of the size of h if the other adjusted quantities change as `known`, from the
+/// covariance of their errors. The trains determine a combination of all five quantities, so the size
+/// of h is far better known together with the others than by itself.
 fn size_of_h(known: &Changes, covariance: &[Changes; QUANTITIES]) -> Change {
     const SIZE: usize = 1;
     let (mut mean, mut covariance) = (Changes::default(), *covariance);
@@ -148,8 +148,8 @@ fn force_ratio(first: &Calibration, second: &Calibration) -> f64 {
     slope_through_zero(both.map(|(of_first, of_second, _)| (of_first, of_second)))
 }
 
-/// Rise at the second temperature over that at the first. The instrument keeps c_S/c_D0 constant,
-/// so only the size of h changes: `scale` times that of the second session, which is in units of the
+/// Rise at the second temperature over that at the first. The instrument keeps c_S/c_D0 constant, so
+/// only the size of h changes. `scale` converts the h of the second session, which is in units of the
 /// springs at its temperature.
 fn rise_ratio(first: &Calibration, second: &Calibration, scale: f64) -> f64 {
     /// Number of currents at which the falls are compared.
@@ -185,8 +185,8 @@ fn with(calibration: Calibration, coefficients: Coefficients) -> Calibration {
             Command::SetTemperatureEffect(effect) => {
                 Command::SetTemperatureEffect(TemperatureEffect {
                     springs_uncertainty_per_k: springs.uncertainty_per_k as f32,
-                    // As in [`evaluate`], the instrument counts an error of the rise as one of the
-                    // signal.
+                    // As in [`evaluate`], the instrument treats an error of the rise as an error of
+                    // the signal.
                     rise_uncertainty_per_k: (rise.uncertainty_per_k * of_signal) as f32,
                     ..effect
                 })
@@ -248,8 +248,8 @@ pub(crate) fn brought_to(commands: &[Command], now_c: Option<f64>) -> Vec<Comman
 /// linear in the temperature at 0.5 %/K, which the instrument describes by an exponential: ln(1 -
 /// 0.1) is 5 % off -0.1.
 const OF_LAW: f64 = 0.05;
-/// Root mean square difference between two sessions at one temperature of the force at a reading:
-/// 0.6e-4 on 30 simulated sensors of the design `ultrasoft`, seeds 760001 to 760030.
+/// Root mean square difference of the force at a given reading, between two sessions at one
+/// temperature: 0.6e-4 on 30 simulated sensors of the design `ultrasoft`, seeds 760001 to 760030.
 const NOISE_OF_SPRINGS: f64 = 1e-4;
 /// Relative standard uncertainty of the ratio of two rises, in quadrature with that from the trains'
 /// scatter. Chosen so that the stated uncertainty of the coefficient equals its RMS error: 0.15e-3 /K
@@ -295,11 +295,11 @@ mod tests {
         ]
     }
 
-    /// Errors of two quantities that make up for each other: knowing one gives the other.
+    /// If errors of two quantities compensate each other, a known change of one gives the other.
     #[test]
     fn the_size_of_h_follows_what_is_known_of_the_other_quantities() {
         let mut covariance = [Changes::default(); QUANTITIES];
-        // Of c_S/c_D0 and h only 2 h - c_S/c_D0 is known well, to 0.001.
+        // Only the combination 2 h - c_S/c_D0 is known well, to 0.001.
         let (ratio, own) = (0.02_f64, 0.000_5_f64);
         covariance[0][0] = ratio * ratio;
         covariance[0][1] = 0.5 * ratio * ratio;

@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn what_they_cannot_follow_leaves_out_terms_below_zero() {
-        // Minimum at kappa = 1, as after a check.
+        // A variance with a minimum at kappa = 1, as after a check.
         let found = terms(1.1, |kappa| 1e-4 * (0.1 + (kappa - 1.0).powi(2))).unwrap();
         assert!(found.iter().all(|term| *term >= 0.0));
         assert!(found.iter().any(|term| *term > 0.0));

@@ -3,8 +3,8 @@
 //! On a block the stage travels by the compression of both layers: s = G(y) at the change of
 //! inductance y. On a spring k it travels further at the same y, since the force is the same: s =
 //! G(y) (1 + C/k), with F = C G(y) and C the stiffness of both layers in series. So the travel
-//! gives the shape of the force, and each spring gives a value of C; springs that contradict each
-//! other show. The zero of the stage's scale is an unknown of each press.
+//! gives the shape of the force, and each spring gives a value of C; different values reveal a
+//! wrong spring. The zero of the stage's scale is an unknown of each press.
 
 use super::curve::{DEGREE, PressCurve, chebyshev};
 use super::least_squares::System;

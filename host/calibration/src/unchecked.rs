@@ -14,7 +14,7 @@ pub enum Unchecked {
     },
     /// A value is impossible for a press onto a spring.
     NotAPress,
-    /// The notes do not belong to a train on the untouched sensor.
+    /// The recorded run is not a train on the untouched sensor.
     NotATrain,
     /// Contact changed during a train without a press.
     Touched,

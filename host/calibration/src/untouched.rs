@@ -32,13 +32,13 @@ pub struct Untouched {
 }
 
 /// Relative standard uncertainty of the cross-talk in addition to that by the scatter of the falls:
-/// warming drifts the untouched reading, and the drift is taken as linear over a train. With this
-/// addition 24 trains without any change, on 12 simulated sensors of the design `ultrasoft` from
-/// seed 710001, half of them 30 K warmer, deviate by 2.1 standard errors at most, without it by
-/// 3.3.
+/// warming drifts the untouched reading, and the drift is taken as linear over a train. Determined
+/// with 24 trains without any change, on 12 simulated sensors of the design `ultrasoft` from seed
+/// 710001, half of them 30 K warmer: they deviate by 2.1 standard errors at most, without this
+/// addition by 3.3.
 const OF_WARMING: f64 = 1e-3;
 /// Greatest drift of the untouched reading over a train, relative to the cross-talk at the peak: in
-/// the 24 trains above it is 0.006 at most. A change of contact exceeds the limit.
+/// the 24 trains of [`OF_WARMING`] it is 0.006 at most. A change of contact exceeds the limit.
 const MOST_DRIFT: f64 = 0.2;
 /// A train must contain at least this part of the falls that the settings request.
 const LEAST_FALLS: f64 = 0.5;
@@ -52,8 +52,8 @@ pub struct OnTheBench<'r> {
     pub commands: &'r [Command],
 }
 
-/// Checks a calibration, given as the commands that set it, by the notes of a train without a
-/// press.
+/// Checks a calibration, given as the commands that set it, by the recorded run of a train without
+/// a press.
 ///
 /// # Errors
 /// If a part of the calibration or a train is missing, the bench belongs to another calibration,

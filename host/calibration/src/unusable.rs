@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Unusable {
     /// A part of the session is missing.
     Missing(&'static str),
-    /// The notes of the bench contradict each other or do not determine a quantity.
+    /// The data of the bench contradict each other or do not determine a quantity.
     Undetermined(&'static str),
     /// A quantity that must rise with the press does not.
     NotRising(&'static str),
@@ -62,8 +62,8 @@ pub struct Signal {
 
 impl Signal {
     /// Ratio of change to scatter below which a small signal counts as the cause of a failed
-    /// evaluation. The design `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less
-    /// than zero, since the attraction outweighs the stiffening.
+    /// evaluation. It is 0.7 at most on the design `paper`, and below zero on `ultrasoft` with a
+    /// rise of 0.3 to 3 %, since the attraction outweighs the stiffening.
     const CLEAR: f64 = 10.0;
 
     pub(crate) fn is_clear(&self) -> bool {

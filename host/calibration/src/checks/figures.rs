@@ -43,9 +43,9 @@ pub(super) struct Figures {
     pub(super) scatter: Option<f64>,
 }
 
-/// The target force, to which forces are related, is that of this depth at least: 0.05 mm.
+/// Least depth for which the target force is computed, 0.05 mm. Forces are relative to that force.
 const LEAST_DEPTH_M: f64 = 50e-6;
-/// Change of inductance above which a sample counts as one with contact: that of 8 µm.
+/// Change of inductance above which a sample counts as one with contact: 8 µm of deformation.
 const TOUCHED: f64 = 2e-3;
 /// Averaging time of the pressed sensor before the train and after its end, s.
 const MEAN_S: f64 = 0.03;
@@ -103,9 +103,8 @@ impl Figures {
 }
 
 /// Relative change of the deformation that creep may leave after a train, divided by the
-/// deformation that the train adds, relative to the greatest deformation. On the design `closed`,
-/// whose train more than doubles the deformation, it is up to 0.28 (swing 0.3 to 1.7, 0.07 to 0.12
-/// left).
+/// deformation that the train adds as a fraction of the greatest one. On the design `closed`, whose
+/// train more than doubles the deformation, it is up to 0.28 (swing 0.3 to 1.7, 0.07 to 0.12 left).
 const LEFT_BY_TRAIN: f64 = 0.25;
 
 impl Figures {

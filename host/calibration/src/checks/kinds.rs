@@ -136,7 +136,7 @@ impl Check {
         }
     }
 
-    /// The fault that a value beyond the limit means.
+    /// Returns the fault for a value beyond the limit.
     pub(super) fn fault(self, value: f64, place: &str) -> DataFault {
         let percent = 1e2 * value;
         let (name, cause, action) = match self {
