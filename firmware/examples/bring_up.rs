@@ -2,8 +2,8 @@
 //! other, over channel 0 of the debug probe in both directions. The PC decides which properties of the
 //! silicon to measure, and how.
 //!
-//! A request is its length, its kind and its data; an answer is the same with an outcome in place of the
-//! kind. Numbers of several bytes are little-endian. docs/bring-up.md lists all requests.
+//! A request is its length, its kind and its data; an answer is its length, an outcome and its data.
+//! Numbers of several bytes are little-endian. docs/bring-up.md lists all requests.
 
 #![no_std]
 #![no_main]

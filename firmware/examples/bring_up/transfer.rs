@@ -64,8 +64,8 @@ fn command(bits: u32) {
     i2c().ic_data_cmd().write(|w| unsafe { w.bits(bits) });
 }
 
-/// Executes one transaction of segments, each after its own START: `0x80 + n` reads n bytes, `n` and n
-/// bytes writes them. `None` if the segments are invalid. Passes bytes that are read to `take`.
+/// Executes one transaction of segments, each after its own START: `0x80 + n` reads n bytes, `n` with n
+/// bytes writes them. `None` if the segments are invalid. Passes the bytes read to `take`.
 pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<ReplyCode> {
     let mut commands = [0; QUEUE];
     let mut count = 0;
