@@ -15,7 +15,7 @@ use crate::time::{Duration, Instant};
 pub enum Action {
     /// Switch the bridge off, before anything else.
     SafeState,
-    /// Let the coil's current follow a straight line over time. Its start time is on the clock of
+    /// Let the coil's current follow a straight line over time, whose start time is on the clock of
     /// [`Instant`].
     Current(CurrentLine),
     /// Test bridge, coil and current measurement; [`Event::CoilTested`](crate::Event::CoilTested) or a
@@ -61,7 +61,7 @@ pub enum Action {
 /// Actions of one step, at most twelve.
 pub type Actions = heapless::Vec<Action, MOST_ACTIONS>;
 
-/// Maximum number of actions of a step: safe state, current and configuration; a sample, a change of
-/// state and its result (estimate, refusal or fault), and a status; and two answers, one to a command
-/// and one to a waiting command that is dropped.
+/// Maximum number of actions of a step. A step may contain safe state, current and configuration; a
+/// sample, a change of state, its result (estimate, refusal or fault) and a status; an answer to a
+/// command, and one to a waiting command that is dropped.
 pub(crate) const MOST_ACTIONS: usize = 12;

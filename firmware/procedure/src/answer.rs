@@ -12,8 +12,8 @@ pub(crate) enum Answer {
 }
 
 impl Answer {
-    /// Refuses a field whose value is beyond the limits of the board or of the settings; these are
-    /// narrower than the protocol's.
+    /// Refuses a field whose value is beyond the limits of the board or of the settings, which are
+    /// narrower than the protocol's limits.
     pub(crate) const fn out_of_range(field: u8, value: f32, [low, high]: [f32; 2]) -> Self {
         Self::Invalid(Invalid {
             field,
@@ -36,7 +36,7 @@ impl From<Outcome> for Answer {
     }
 }
 
-/// Number of a field, checked by the compiler: a wrong name does not compile.
+/// Number of a field by its name. The compiler rejects an unknown name.
 macro_rules! field {
     ($structure:ty, $name:ident) => {
         const {

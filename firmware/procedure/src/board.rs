@@ -10,21 +10,21 @@ pub struct BoardInfo {
     pub boot_id: u32,
     /// Identification of the device; the procedure fills in the CRC of the configuration.
     pub hello: Hello,
-    /// Cause of the last run's crash.
+    /// Crash of the last run; `None` if it left no crash record.
     pub crash: Option<Crash>,
     /// Channels of the first and the second converter: bit n for channel n, 0 without the converter.
     pub channels: [u8; 2],
-    /// There are bridge, coil and current measurement.
+    /// Whether the board has bridge, coil and current measurement.
     pub coil: bool,
-    /// There is a storage for settings and calibration.
+    /// Whether the board has a storage for settings and calibration.
     pub storage: bool,
-    /// Number of consecutive crashes, up to the last run.
+    /// Number of consecutive crashes, up to and including the last run.
     pub crashes: u8,
     /// Hard limits of every setting, command and calibration.
     pub limits: Limits,
 }
 
-/// Number of consecutive crashes after which the outputs stay off until the device starts without one.
+/// Number of consecutive crashes after which the outputs stay off until a start that follows no crash.
 pub const MOST_CRASHES: u8 = 5;
 
 /// Hard limits of every setting, command and calibration.

@@ -58,8 +58,8 @@ pub struct ResetFlags {
     pub forced: bool,
     /// The watchdog was not fed.
     pub timed_out: bool,
-    /// The watchdog was the firmware's, which sets a mark when it starts it. A boot loader also restarts
-    /// the processor through the watchdog, after it has written an image.
+    /// The firmware started the watchdog: it sets a mark when it does. A boot loader, which sets no
+    /// mark, also restarts the processor through the watchdog, after it has written an image.
     pub is_own_watchdog: bool,
     /// A debug probe requested the reset.
     pub debugger: bool,
@@ -82,7 +82,7 @@ pub struct Boot {
     /// Crash of the last run, if it left a record of one.
     pub crash: Option<Crash>,
     /// Number of consecutive runs that ended in a panic, a fault, a hang or an unknown way before they
-    /// lasted. A requested restart neither counts nor ends the streak.
+    /// had lasted long enough. A requested restart neither counts nor ends the streak.
     pub streak: u8,
 }
 
@@ -244,8 +244,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
             link_register,
             ..Kept::new(WordKind::HardFault, streak)
         },
-        // A requested restart does not count as a crash, and does not end a streak: only a run that
-        // lasts long enough does.
+        // A requested restart neither counts as a crash nor ends a streak: only a run that lasts long
+        // enough ends it.
         End::Asked => Kept::new(WordKind::Asked, before),
     };
     kept.uptime_ms = uptime_ms;
@@ -260,8 +260,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
 }
 
 impl Boot {
-    /// Returns the boot cause, and the new content of the memory: a record is read once, so that it is
-    /// never taken for that of a later crash.
+    /// Returns the boot cause, and the new content of the memory. The new content holds at most a count,
+    /// so that a later boot does not report this crash again.
     pub fn judge(flags: ResetFlags, words: &RecordWords) -> (Self, RecordWords) {
         let kept = Kept::read(words);
         let cause = cause(flags, kept.as_ref());
@@ -276,7 +276,7 @@ impl Boot {
             // A run that ends this way writes no record, so it is counted here.
             ResetCause::Watchdog | ResetCause::Unexplained => counted.saturating_add(1),
             ResetCause::Software if flags.is_by_firmware() => counted,
-            // The boot loader starts a new image, which has not crashed yet.
+            // Also the boot loader's start of a new image, which has not crashed yet.
             _ => 0,
         };
         let boot = Self {
@@ -312,7 +312,7 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
         Some(WordKind::Count) | None => None,
     };
     if flags.is_by_firmware() {
-        // The firmware requests a reset only after it has written the cause.
+        // Without a record, a forced reset is unexplained: the cause is written before a reset.
         let silent = if flags.forced {
             ResetCause::Unexplained
         } else {

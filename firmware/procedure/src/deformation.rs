@@ -48,19 +48,19 @@ pub(crate) struct RestMoved {
 #[derive(Clone, Debug)]
 pub(crate) struct Follower {
     detector: Detector,
-    /// Frequency relative to which the inductance change counts: that of the calibration's rest or,
-    /// without one, that of the first reading; during a touch that of the untouched sensor, without its
-    /// recovery.
+    /// Frequency at which the inductance change is zero. During a touch: that of the untouched sensor,
+    /// without its recovery from earlier presses. Otherwise: the calibration's rest frequency or,
+    /// without one, that of the first reading.
     reference_hz: Option<f64>,
-    /// Code of the converter at the reference frequency; known once a reading has given the scale of the
-    /// codes.
+    /// Code of the converter at the reference frequency; `None` until a reading has given the scale of
+    /// the codes.
     reference_code: Option<u32>,
     /// Largest change of an untouched sensor's reading per kelvin.
     per_kelvin: Metre,
 }
 
 /// Memory of the baseline: half a second, because the drift of an untouched sensor (warming, recovery
-/// from a press) is slow against that.
+/// from a press) is much slower.
 const MEMORY_S: f32 = 0.5;
 /// Minimum memory of the baseline, as a number of readings: as many as a straight line needs.
 const LEAST_MEMORY: f32 = 20.0;
@@ -83,8 +83,8 @@ impl Follower {
         })
     }
 
-    /// Continues after an interruption or with other settings: a touch remains, and the baseline is
-    /// learnt again. Codes may have another scale then.
+    /// Continues after an interruption or with other settings: keeps a touch and learns the baseline
+    /// again. Discards the reference code, since the converter's codes may have another scale.
     pub(crate) fn resume(&mut self, settings: &Settings) {
         self.detector.resume(Watch {
             rest: self.detector.rest(),
@@ -105,7 +105,7 @@ impl Follower {
         self.detector.zero().map(|zero| zero.elapsed())
     }
 
-    /// Returns the reading at the start of the touch if no untouched sensor reads that value.
+    /// Returns the reading before the touch and its limit, if no untouched sensor reads as much.
     pub(crate) fn rest_moved(&self) -> Option<RestMoved> {
         let reading = self.detector.doubtful_rest()?;
         let limit = self.detector.highest_untouched()?;
@@ -159,8 +159,8 @@ impl Follower {
         })
     }
 
-    /// Returns the largest reading of an untouched sensor relative to the calibration: the effect of its
-    /// temperature, known to a kelvin.
+    /// Returns the largest reading of an untouched sensor relative to the calibration: the effect of the
+    /// temperature difference `away_k`, which is known to within a kelvin.
     fn rest(&self, away_k: f32) -> Metre {
         self.per_kelvin * (away_k + 1.0)
     }
@@ -186,10 +186,10 @@ impl Follower {
 
     /// Shifts the reference so that the inductance change is zero for the untouched sensor.
     ///
-    /// A temperature effect or the quantisation of a single reading shifts the reference. At rest the
-    /// baseline removes this error; but because the curve is not straight, an error would remain, and be
-    /// larger, when the sensor is pressed. A deformation from which the sensor still recovers is real
-    /// and is not removed.
+    /// Temperature and the quantisation of the reading that set the reference shift it. At rest the
+    /// baseline removes this error. Under pressure, where the curve has another slope, an error would
+    /// remain and be larger. A deformation from which the sensor still recovers is real and is not
+    /// removed.
     fn count_from_zero(
         &mut self,
         reading: &Reading,
@@ -239,7 +239,7 @@ fn watch(settings: &Settings) -> Watch {
     }
 }
 
-/// Removes the effect of the coil's current on the reading: a I^2 (1 + g x).
+/// Removes the reading a I^2 (1 + g x) that the current I causes at deformation x; a, g: `crosstalk`.
 fn without_crosstalk(apparent: Metre, square_a2: Option<f32>, crosstalk: &Crosstalk) -> Metre {
     let Some(square_a2) = square_a2 else {
         return apparent;
@@ -261,7 +261,7 @@ mod tests {
     /// Code of the converter at a deformation of 0.41 mm.
     const PRESSED: u32 = 23_385_000;
 
-    /// Calibration whose curve has at the code `PRESSED` half of its slope at rest.
+    /// Calibration whose curve's slope at the code `PRESSED` is half its slope at rest.
     fn calibration() -> ChannelCalibration {
         let knots = [-0.01, 0.0, 0.02, 0.06, 0.12, 0.2];
         let points = knots.map(|change: f32| (change, 4.9e-3 * change * (1.0 - 2.2 * change)));
@@ -271,7 +271,7 @@ mod tests {
         }
     }
 
-    /// Returns the deformation at the end of a press after this first code.
+    /// Returns the deformation at the end of a press if the first reading has the code `first`.
     fn pressed(first: u32) -> Deformation {
         let mut follower = Follower::new(&DEFAULT_SETTINGS).unwrap();
         let untouched = core::iter::once(first).chain([UNTOUCHED; 3_000]);

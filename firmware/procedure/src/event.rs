@@ -38,7 +38,7 @@ pub enum Event<'a> {
     },
     /// Slow measurements.
     Conditions(Conditions),
-    /// A part has failed. The bridge is switched off.
+    /// A part has failed. The procedure switches the bridge off.
     Fault(Failure),
     /// The cause of a failure has ended.
     Recovered(FaultCode),
@@ -57,7 +57,7 @@ pub struct Scan {
     pub conversions: heapless::Vec<Conversion, 4>,
     /// Number of scans of this converter that were lost before this one.
     pub lost: u32,
-    /// The time between the previous scan and this one is unknown: start, recovery or a loss.
+    /// The time between the previous scan and this one is unknown, after a start, a recovery or a loss.
     pub gap: bool,
     /// Mean measured current of the coil over the first channel's conversion; `None` without a current
     /// measurement.
@@ -101,7 +101,7 @@ impl Scan {
     /// The stiffening is an even function of the current. Its mean over the ripple differs from its
     /// value at the returned current by at most the fraction 4 s^2/Ic^2 of that value, s being the
     /// ripple and Ic the current of half the saturated stiffening: 1.2e-3 with 1.2 A peak to peak and 20
-    /// A. The value at the mean current differs by the fraction s^2/I^2 far below saturation.
+    /// A. Far below saturation, its value at the mean current I differs by the fraction s^2/I^2.
     pub(crate) fn acting_current(&self) -> Option<Ampere> {
         let square_a2 = self.square_current_a2()?;
         Some(Ampere(palpate_model::math::sqrt(square_a2)))
@@ -124,7 +124,7 @@ pub struct Conditions {
     pub temperature: Option<Celsius>,
     /// Supply of the coil, in volts.
     pub supply_v: Option<f32>,
-    /// Fraction of the time for which the processor did not sleep.
+    /// Fraction of the time in which the processor was awake.
     pub processor_load: Option<f32>,
     /// Greatest stack depth in bytes; 0 if it is not measured.
     pub stack_bytes: u32,
@@ -137,7 +137,7 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// Returns the conditions without values that are not numbers, clamped to the protocol's limits.
+    /// Returns the conditions without infinite or NaN values, clamped to the protocol's limits.
     pub(crate) fn within_protocol(&self) -> Self {
         let within = |value: Option<f32>, low: f32, high: f32| {
             let number = value.filter(|value| value.is_finite());

@@ -15,7 +15,7 @@ use crate::time::in_seconds;
 const WARM_ROOM: Celsius = Celsius(30.0);
 
 /// Upper bound of the computed copper temperature, the melting point. Without this bound an ever growing
-/// resistance would end in infinity minus infinity, which no limit detects.
+/// resistance would end in infinity minus infinity, NaN, which passes every check of a limit.
 const MELTING: Celsius = Celsius(1085.0);
 
 /// Temperatures of copper and pad, computed from the square of the current.
@@ -24,11 +24,11 @@ pub(crate) struct Heat {
     nodes: TwoNode,
     copper: Copper,
     now: Temperatures,
-    /// Lowest temperature that the thermometer has reported: the pad is never colder than its
-    /// surroundings.
+    /// Ambient temperature: the lowest that the thermometer has reported, since the pad is never colder
+    /// than its surroundings.
     ambient: Option<Celsius>,
-    /// Time since the last temperature step; the next field is the integral of the squared current over
-    /// it.
+    /// Time since the last temperature step. `square_a2_s` is the integral of the squared current over
+    /// this time.
     elapsed: Second,
     square_a2_s: f32,
     /// Energy into the coil since the measurement began, in joules.
@@ -48,7 +48,7 @@ pub(crate) struct Forecast {
 }
 
 impl Heat {
-    /// Creates the state of a coil whose copper had this temperature a time `ago` and no current since.
+    /// Creates the state of a coil without current since its copper had this temperature, a time `ago`.
     pub(crate) fn new(
         coil: &Coil,
         temperature: Option<Celsius>,
@@ -88,7 +88,7 @@ impl Heat {
         let Temperatures { copper, pad } =
             self.nodes
                 .after(self.now, power, self.ambient(), self.elapsed);
-        // `min` limits a temperature to the melting point, and replaces a NaN by it.
+        // `min` limits a temperature to the melting point, and also replaces a NaN by the melting point.
         self.now = Temperatures {
             copper: Celsius(copper.0.min(MELTING.0)),
             pad: Celsius(pad.0.min(MELTING.0)),
@@ -127,7 +127,7 @@ impl Heat {
         self.copper.resistance(temperature)
     }
 
-    /// Returns the computed pad temperature, as far as it is known; the copper is at least as warm.
+    /// Returns the computed pad temperature, a lower bound of the copper's temperature.
     pub(crate) const fn pad(&self) -> Celsius {
         self.now.pad
     }
@@ -136,8 +136,8 @@ impl Heat {
         self.ambient.unwrap_or(WARM_ROOM)
     }
 
-    /// Returns the time to wait without current until a train stays below the limit, in seconds, to
-    /// within a second. `None` if an hour is not enough.
+    /// Returns the time without current, in seconds to within one, after which a train stays below the
+    /// limit. `None` if an hour is not enough.
     pub(crate) fn wait_s(&self, profile: &TrainProfile, limit: Celsius) -> Option<f32> {
         const LONGEST_S: f32 = 3_600.0;
         let allows = |after_s: f32| {
@@ -167,8 +167,8 @@ impl Heat {
     pub(crate) fn forecast(&self, profile: &TrainProfile, limit: Celsius) -> Forecast {
         let duration = in_seconds(profile.duration());
         let mean_square_a2 = profile.mean_square_a2();
-        // The computed bound holds for a constant current of the same heat; within a period of the train
-        // the copper exceeds it by at most what rise and hold contribute.
+        // The computed bound is for a constant current of the same mean square. Within a period of the
+        // train, the copper exceeds that bound by at most the heating of rise and hold.
         let at_peak = in_seconds(profile.rise) + in_seconds(profile.hold);
         let swing_j = self.copper.heat(profile.peak, limit).0 * at_peak.0;
         let swing = Kelvin(swing_j / self.nodes.copper_capacity().0);
@@ -199,14 +199,14 @@ mod tests {
         Heat::new(&COIL, temperature, (Celsius(copper_c), Second(ago_s))).unwrap()
     }
 
-    /// A thermometer may report for the first time after start-up.
+    /// The thermometer may first report after start-up. Its lowest report is the ambient temperature.
     #[test]
     fn the_surroundings_are_those_that_the_thermometer_reports() {
         let mut heat = heat(None, (25.0, 0.0));
         for reported_c in [45.0, 44.0, 60.0] {
             heat.measured(Celsius(reported_c));
         }
-        // An hour without current and without a report.
+        // The pad cools to the ambient temperature in an hour without current and without a report.
         (0..3_600).for_each(|_| heat.push(0.0, Second(1.0)));
         assert!((heat.pad().0 - 44.0).abs() < 0.1, "{:?}", heat.pad());
     }

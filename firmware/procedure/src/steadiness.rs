@@ -16,8 +16,8 @@ pub(crate) struct Steadiness {
 }
 
 impl Steadiness {
-    /// Returns the time from the start to the first rate: two blocks of at least two conversions, and
-    /// half a block until the first conversion.
+    /// Returns the time from the start to the first rate, in seconds: two blocks of at least two
+    /// conversions, and half a block until the first conversion.
     pub(crate) fn least_s(rate_hz: f32) -> f32 {
         2.5 * BLOCK.0.max(2.0 / rate_hz)
     }

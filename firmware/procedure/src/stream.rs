@@ -74,8 +74,8 @@ impl Streamer {
             let newton = springs.sensing_n_per_m * deformation.value.0;
             let sensing = springs.sensing_n_per_m;
             let of_reading = sensing * sensing * deformation.variance_m2();
-            // The curve's deformations are forces divided by c_S: an error of c_S cancels, that of the
-            // force scale remains.
+            // The curve's deformations are forces divided by c_S, so an error of c_S cancels. The error
+            // of the force scale remains.
             let of_calibration = newton * springs.force_scale_uncertainty;
             // Forces from millinewtons to newtons: `f32` can represent their squares.
             let variance = of_reading + of_calibration * of_calibration;

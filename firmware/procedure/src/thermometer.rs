@@ -29,9 +29,9 @@ const FAILED: [f32; 2] = [0.0098, 0.9879];
 /// 0.8 J/K by 1.8 K in this time; a disturbance of the wire by a discharge or by the bridge's edges
 /// lasts microseconds.
 pub const PERSISTENCE: Duration = Duration::from_ticks(20_000);
-/// The failed time is reduced by the time of plausible readings over this number: an intermittent
-/// contact is a fault if it is open for more than a fifth of the time. A disturbance of one reading in
-/// five, a millisecond apart, is not.
+/// The failed time decreases by the time of plausible readings divided by this number, so an
+/// intermittent contact is a fault if it is open for more than a fifth of the time. A disturbance of one
+/// reading in five, a millisecond apart, is no fault.
 const RECOVERY: u64 = 4;
 /// Weight of a new reading in the exponential smoothing of the ratio.
 const SMOOTHING: f32 = 0.25;
@@ -50,8 +50,8 @@ pub struct Thermometer {
 }
 
 impl Thermometer {
-    /// Takes a reading as a fraction of the ADC's range. Returns a fault if the thermistor has been open
-    /// or shorted for [`PERSISTENCE`], continuously or intermittently, in every call until that ends.
+    /// Takes a reading as a fraction of the ADC's range. Returns a fault, in every call, while the
+    /// thermistor has been open or shorted for [`PERSISTENCE`], continuously or intermittently.
     pub fn push(&mut self, now: Instant, ratio: f32) -> Option<Failure> {
         self.pass(now);
         let [least, most] = PLAUSIBLE;
@@ -88,7 +88,7 @@ impl Thermometer {
 
     /// Returns the temperature; `None` while readings are not plausible.
     ///
-    /// R/R25 = r/(1 - r) and 1/T = 1/T25 + ln(R/R25)/beta.
+    /// With the ratio r: R/R25 = r/(1 - r) and 1/T = 1/T25 + ln(R/R25)/beta.
     pub fn temperature(&self) -> Option<Celsius> {
         let ratio = self.ratio?;
         let logarithm = palpate_model::math::ln(ratio / (1.0 - ratio));
@@ -119,7 +119,7 @@ mod tests {
             let truth = f64::from(celsius);
             assert_eq!(thermometer.push(at(0), ratio(truth) as f32), None);
             let Celsius(found) = thermometer.temperature().unwrap();
-            // Half a count of 4096 is more than this at both ends.
+            // At both ends of the range, half a count of 4096 exceeds this limit.
             assert!((f64::from(found) - truth).abs() < 0.02, "{truth}: {found}");
         }
     }

@@ -51,7 +51,7 @@ impl Configuration {
         }
     }
 
-    /// Returns the kind of an item's record if the item has changed.
+    /// Returns the kind of an item's record if the item has changed since its checksum was computed.
     pub(crate) fn damaged(&self, number: usize) -> Option<u8> {
         let is_whole = self.sums.get(number) == Some(&self.sum(number));
         (!is_whole).then(|| item(number).map_or(SETTINGS, |(part, ..)| part.number()))

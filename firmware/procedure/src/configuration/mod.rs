@@ -1,8 +1,8 @@
 //! Active settings and calibration.
 //!
-//! Commands set them; a command is checked as a whole before any part is taken. Curves come in chunks
-//! and take effect with their last knot. The stored form is the one that the model computes with;
-//! readback records are made from it, so there is no second copy that could differ.
+//! Commands set them. Each command is checked as a whole before any part of it is applied. Curves come
+//! in chunks and take effect with their last knot. Values are stored in the form that the model computes
+//! with. Readback records are made from these values, so there is no second copy that could differ.
 
 mod assembly;
 mod checksum;
@@ -88,8 +88,8 @@ pub(crate) struct Calibrated {
     pub(crate) attraction: Attraction,
     pub(crate) crosstalk: Crosstalk,
     pub(crate) temperature_effect: Option<TemperatureEffect>,
-    /// Coefficients that correct springs and rise for the measured temperature. With the correction, the
-    /// remaining uncertainty is that of the coefficients; without it, their limits.
+    /// Coefficients that correct springs and rise for the measured temperature. `temperature_effect`
+    /// gives the uncertainty of this correction or, without coefficients, of the change itself.
     pub(crate) temperature_coefficients: Option<TemperatureCoefficients>,
     /// Temperature of the measurement, if there is a thermometer.
     pub(crate) temperature: Option<Celsius>,
@@ -98,9 +98,9 @@ pub(crate) struct Calibrated {
 /// Settings of a new device, reduced to its board's limits: one channel at 1 kHz, sensing, and a train
 /// of twelve ramps of 60 ms.
 ///
-/// The train is the one for which the model's precision figures hold: short falling ramps against creep.
-/// Hold and ramp are several times the lag of the softest elastomers (10 ms). The other figures are for
-/// the sensor design `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
+/// The model's precision figures hold for this train. Its falling ramps are short to limit the effect of
+/// creep. Hold and ramp are several times the lag of the softest elastomers (10 ms). The other figures
+/// are for the sensor design `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
 pub const DEFAULT_SETTINGS: Settings = Settings {
     channels: 0b0001,
     rate_hz: 1_000.0,
@@ -215,13 +215,13 @@ impl Configuration {
         deformations_m.reduce(f32::max).map(Metre)
     }
 
-    /// Applies a command as a whole or not at all. `None` for a command that sets nothing.
+    /// Applies a command as a whole or not at all. Returns `None` for a command that sets no part.
     pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Answer> {
         let answer = match command {
             Command::SetSettings(settings) => self.set_settings(settings, board),
             _ => self.take(command, board)?.into(),
         };
-        // An incomplete curve is not active yet.
+        // While a curve is incomplete, the configuration has not changed.
         if answer == Outcome::Accepted.into() && self.assembly.is_none() {
             self.keep_identity_with(command);
             self.seal(command);
@@ -229,7 +229,7 @@ impl Configuration {
         Some(answer)
     }
 
-    /// Removes the identity if a part is set: the calibration then differs from it.
+    /// Removes the identity if a command sets another part, which changes the calibration.
     fn keep_identity_with(&mut self, command: &Command) {
         if touches_the_identity(command) && !matches!(command, Command::SetCalibrationIdentity(_)) {
             self.identity = None;
@@ -305,7 +305,7 @@ impl Configuration {
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
             return Outcome::NoSuchChannel.into();
         }
-        // Settings that an earlier version accepted and stored may have such channels.
+        // Settings that an earlier version accepted and stored may have channels that fail this check.
         if settings.check_channels().is_err() {
             return Outcome::Inconsistent.into();
         }

@@ -10,7 +10,7 @@ use super::parts::{PARTS, is_of_a_channel};
 use super::{Configuration, Curve, SetStiffening};
 use crate::list::gathered;
 
-/// Number of the second converter's last channel, counted on from the first converter's four.
+/// Highest channel number: 0 to 3 are on the first converter, 4 to 7 on the second.
 const LAST_CHANNEL: u8 = 7;
 
 /// Position in the sequence of commands that would set a configuration.
@@ -72,8 +72,8 @@ impl Configuration {
         }
     }
 
-    /// Returns a record of a part of the calibration: its chunk number `chunk`, from 0. `None` if the
-    /// part was never set or has no such chunk.
+    /// Returns the record of a part of the calibration; for a curve, that of chunk number `chunk`, from
+    /// 0. `None` if the part was never set or has no such chunk.
     pub(crate) fn record(
         &self,
         part: Part,
@@ -154,7 +154,7 @@ impl Configuration {
     }
 }
 
-/// Returns the number of knots of a curve and the first knot of a chunk. `None` beyond the end.
+/// Returns the number of knots of a curve and the index of a chunk's first one. `None` beyond the end.
 fn position(curve: &Curve, chunk: usize) -> Option<(u8, u8)> {
     let total = curve.points().len();
     let first = chunk.checked_mul(KNOTS_PER_CHUNK)?;

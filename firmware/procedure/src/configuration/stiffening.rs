@@ -18,7 +18,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// Returns d ln rho/d ln I; zero without a rise.
+    /// Returns d ln rho/d ln I of the relative rise rho at the current I; zero without a rise.
     pub(crate) fn logarithmic_slope(&self, current: Ampere) -> f32 {
         let rise = self.rise(current);
         if rise.value > 0.0 {

@@ -1,6 +1,6 @@
-//! Checks whether the coil can take a current profile: its heat, and the remaining energy of its drive
-//! by the drive's own law and constants ([`Account`]). A profile beyond these is refused before it
-//! starts, with the time to wait.
+//! Checks a current profile before it starts against two limits: the coil's temperature, and the
+//! remaining energy of its drive, computed by the drive's own law and constants ([`Account`]). A profile
+//! beyond a limit is refused with the time to wait.
 
 use coil_hbridge::{Account, CurrentLine, EnergyDemand, Load, SELF_TEST_J};
 use palpate_model::units::Celsius;
@@ -18,16 +18,16 @@ use crate::time::{Instant, in_seconds, seconds};
 /// Factor on the forecast energy that allows for the heat of the current's ripple, which adds at most
 /// 1.5 % to the square of the current (decision 40).
 const RIPPLE: f32 = 1.02;
-/// Factor on the coil's resistance, and so on the forecast of the energy that the drive will count. It
-/// also allows for the inaccuracy of the drive's account: supply and current are read a millisecond
-/// apart, and the supply is filtered. On circuits of 0.23 to 0.55 ohm and 20 to 200 uH at 8 and 12 V the
-/// count is 0.913 to 1.013 of the forecast without this factor (`the_forecast_is_what_the_drive_counts`
-/// in sim-host/tests/integration/energy.rs).
+/// Factor on the coil's resistance, which raises the forecast of the energy that the drive will count.
+/// It allows for the inaccuracy of the drive's account: supply and current are read a millisecond apart,
+/// and the supply is filtered. On circuits of 0.23 to 0.55 ohm and 20 to 200 uH at 8 and 12 V the count
+/// is 0.913 to 1.013 of the forecast without this factor (`the_forecast_is_what_the_drive_counts` in
+/// sim-host/tests/integration/energy.rs).
 const RESERVE: f32 = 1.03;
 /// Time added to every wait, s: the drive's account at rest is reported up to 0.07 s late.
 const LATE_S: f32 = 0.1;
 
-/// Reason why the coil may not be driven at this time, and time to wait; `None` if waiting does not
+/// Reason why the coil may not be driven at this time, and the time to wait; `None` if waiting does not
 /// help.
 pub(super) struct DriveRefusal {
     pub(super) reason: Reason,
@@ -79,8 +79,8 @@ impl Procedure {
         let energy_j = RIPPLE * forecast.energy_j;
         let limit_j = settings.greatest_energy_j.min(limits.energy_j);
         let takes_s = in_seconds(profile.duration()).0;
-        // Too much energy is final only if the copper is not too hot: hot copper takes more energy, so
-        // after cooling the train may take less.
+        // Too much energy is a final refusal only if the copper is not too hot. Hot copper takes more
+        // energy, so after cooling the train may need less.
         let is_too_much = energy_j.is_nan() || energy_j > limit_j;
         if forecast.hottest.is_some() && is_too_much {
             return never(RefusalReason::TooMuchEnergy, Some(energy_j), Some(limit_j));
@@ -167,8 +167,7 @@ impl Procedure {
         now: Instant,
         profile: impl FnOnce(&mut EnergyDemand),
     ) -> Result<(), DriveRefusal> {
-        // Without a known load there is nothing to check here: the drive itself still enforces the
-        // limit.
+        // Without a known load the energy cannot be forecast. The drive itself still enforces the limit.
         let Some(load) = self.load_at(heat, hottest) else {
             return Ok(());
         };
@@ -191,8 +190,8 @@ impl Procedure {
         })
     }
 
-    /// Returns the load with the copper at a temperature: the test result plus the rise in resistance
-    /// since then by the coil's calibration.
+    /// Returns the load with the copper at a temperature: the load at the coil test, and the rise in
+    /// resistance since the test by the coil's calibration.
     fn load_at(&self, heat: &Heat, hottest: Celsius) -> Option<Load> {
         let (found, then) = self.budget.load?;
         let gained_ohm = heat.resistance(hottest).0 - heat.resistance(then).0;
@@ -202,8 +201,8 @@ impl Procedure {
         })
     }
 
-    /// Returns an upper bound of the drive's account at this time: since its report, the current may
-    /// have been at its peak for as long as it flowed, and the coil may have been tested.
+    /// Returns an upper bound of the drive's account at this time. Since the report, it assumes peak
+    /// current for as long as the coil was driven, and a coil test if one has started.
     fn account(&self, load: Load, now: Instant) -> Option<Account> {
         let Budget { tested, driven, .. } = self.budget;
         let (reported, mut account) = self.budget.account?;

@@ -18,8 +18,8 @@ use crate::event::Failure;
 use crate::link::Link;
 use crate::time::{Duration, between, in_seconds};
 
-/// Longest duration of a coil test, twice that of a test that finds no coil: it raises its voltage for
-/// 0.21 s, 13 000 periods of the bridge (`Regulated::test` in sim-host).
+/// Longest duration of a coil test, twice that of a test that finds no coil: such a test raises its
+/// voltage for 0.21 s, 13 000 periods of the bridge (`Regulated::test` in sim-host).
 const LONGEST_TEST: Duration = Duration::from_ticks(450_000);
 
 impl Procedure {
@@ -135,7 +135,7 @@ impl Procedure {
         }
     }
 
-    /// Switches the bridge off first. This ends a test of the coil, and the waiting command is answered.
+    /// Switches the bridge off first. Ends a coil test, and answers the waiting command with `outcome`.
     pub(super) fn safe(&mut self, outcome: Outcome, out: &mut Out<'_>) {
         out.safe();
         if matches!(self.coil, CoilTestState::Testing(_)) {

@@ -153,7 +153,7 @@ impl Procedure {
         if !self.board.coil {
             return Outcome::NoCoil;
         }
-        // Without the coil's data its heat has no limit.
+        // Without the coil's calibration its temperature cannot be computed and limited.
         if self.heat.is_none() {
             return Outcome::NotCalibrated;
         }
@@ -162,7 +162,7 @@ impl Procedure {
         }
         let changed = !self.armed || self.mode != Mode::Stiffness;
         if !self.armed {
-            // Load and current zero must be known before driving.
+            // The coil test measures load and current zero, which must be known before driving.
             self.begin_test(out);
         }
         self.armed = true;
@@ -240,7 +240,7 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// Returns whether no setting or drive is allowed: the storage works, or the device restarts.
+    /// Returns whether settings and drive are refused because the storage works or the device restarts.
     pub(super) const fn is_occupied(&self) -> bool {
         self.storage.is_at_work() || self.restarting
     }

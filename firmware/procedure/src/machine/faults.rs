@@ -14,9 +14,9 @@ use crate::time::after;
 impl Procedure {
     /// Handles a failure: switches the bridge off, disarms and reports it.
     ///
-    /// The first fault stands until it is cleared. A further fault is reported, and replaces the
-    /// standing one only if it must be cleared by the user and the standing one need not. The other one
-    /// is queued behind it, and ends with its own cause or with the standing one.
+    /// The first fault stands until it is cleared. A further fault is reported and queued behind it, and
+    /// ends with its own cause or with the standing fault. If only the further fault must be cleared by
+    /// the user, it becomes the standing one, and the first fault is queued.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
         // The coil must be tested again, since it may be the failed part.
@@ -62,7 +62,7 @@ impl Procedure {
         self.behind.retain(|of| !ends(of));
     }
 
-    /// Raises a fault if the clock is set back: all pending deadlines would fail.
+    /// Raises a fault after the clock was set back, which invalidates all pending deadlines.
     pub(super) fn clock_set_back(&mut self, out: &mut Out<'_>) {
         self.last_seen = Some(out.now);
         self.next_check.1 = out.now;
@@ -108,8 +108,8 @@ impl Procedure {
         }
     }
 
-    /// Ends the standing fault and the queued ones, and restarts the self-test, disarmed: a persistent
-    /// cause is found again.
+    /// Ends the standing fault and the queued ones, and restarts the self-test, disarmed. The self-test
+    /// finds a persistent cause again.
     pub(super) fn clear(&mut self, out: &mut Out<'_>) {
         let Phase::Fault(standing) = self.phase.clone() else {
             return;
@@ -123,8 +123,8 @@ impl Procedure {
     }
 }
 
-/// Returns whether a fault is of sensor or bus and so ends with its cause: sensing again, disarmed, does
-/// no harm. Any other fault must be cleared by the user.
+/// Returns whether a fault ends with its cause. Faults of sensor and bus do, since sensing again,
+/// disarmed, does no harm. Any other fault must be cleared by the user.
 const fn ends_with_its_cause(failure: &Failure) -> bool {
     matches!(
         failure.location,
@@ -188,8 +188,8 @@ mod tests {
             answer.expect("an answer")
         }
 
-        /// Returns the time until a fault in milliseconds, with its value; the first conversion is never
-        /// awaited.
+        /// Returns the time until a fault in milliseconds, and the fault's value. Suppresses the fault
+        /// of a silent converter.
         fn fault(&mut self, within_ms: u32) -> Option<(u32, f32)> {
             (1..=within_ms).find_map(|ms| {
                 // Keeps the converter from counting as silent.

@@ -28,8 +28,8 @@ use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use state::{Budget, CoilTestState, FlaggedSince, Phase, Storage, Waiting, is_of_readings};
 
-/// Longest time between two steps. The times of two steps may be in the wrong order by less than this:
-/// two tasks may deliver their events in another order than they read the clock.
+/// Longest time between two steps. A step's time may precede that of the previous step by less than
+/// this: two tasks may deliver their events in another order than they read the clock.
 const TICK: Duration = Duration::from_ticks(10_000);
 /// Time between the checks of two items of the configuration: each item is checked once per second.
 const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
@@ -58,7 +58,7 @@ pub struct Procedure {
     coil: CoilTestState,
     /// Waiting command that needs the coil.
     waiting: Option<Waiting>,
-    /// Energy reports of the coil's drive.
+    /// Energy reports of the coil's drive, and the load measured by the coil test.
     budget: Budget,
     /// Number of the last measurement.
     measurement: u32,
@@ -69,7 +69,7 @@ pub struct Procedure {
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
-    /// Time of the first step; the next field is the time of the last one.
+    /// Time of the first step; `now` is the time of the last one.
     started: Option<Instant>,
     now: Instant,
     next_status: Instant,
@@ -180,8 +180,8 @@ impl Procedure {
         actions
     }
 
-    /// As [`step`](Self::step), with the actions written to an existing list, whose content is replaced:
-    /// avoids copying two kilobytes.
+    /// Like [`step`](Self::step), but replaces the content of an existing list of actions, which avoids
+    /// copying two kilobytes.
     pub fn step_into(&mut self, now: Instant, event: &Event<'_>, actions: &mut Actions) {
         actions.clear();
         let set_back = between(now, self.now) > TICK;
@@ -218,8 +218,8 @@ impl Procedure {
             }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
-            // This event follows any conversion, which proves that converter and bus work, but not that
-            // the sensor does: only good readings end such a fault.
+            // This event follows any conversion. A conversion proves that converter and bus work, but
+            // only good readings prove the sensor, and end a fault of readings.
             Event::Recovered(code) if is_of_readings(*code) => {}
             Event::Recovered(code) => self.recovered(*code, &mut out),
         }
@@ -283,7 +283,7 @@ impl Procedure {
         }
     }
 
-    /// Requests the configuration of the converters by the settings, which takes time.
+    /// Requests the configuration of the converters by the settings. It takes up to [`BRING_UP`].
     fn configure_sensors(&mut self, out: &mut Out<'_>) {
         self.last_seen = Some(out.now);
         self.flagged_since = FlaggedSince::default();
@@ -365,7 +365,7 @@ impl Procedure {
         }
     }
 
-    /// Returns the deformation at every channel of a scan; `None` for a conversion without one.
+    /// Returns the deformation at every channel of a scan; `None` if flagged or without a curve.
     fn deformations(
         &mut self,
         scan: &Scan,
@@ -529,8 +529,8 @@ struct Out<'a> {
 }
 
 impl Out<'_> {
-    /// Adds an action. An action without space is lost, which the limit on a step's actions excludes; a
-    /// safe state is put first, so it is never lost.
+    /// Adds an action. A full list would drop it, but holds more than the largest step needs. A safe
+    /// state is put first, so it is never lost.
     fn push(&mut self, action: Action) {
         let _ = self.actions.push(action);
     }

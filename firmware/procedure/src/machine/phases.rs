@@ -29,7 +29,7 @@ const SILENT_S: f32 = 0.05;
 /// Silence below this is not evaluated further: the recovery of the bus may take 50 ms.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
 
-/// Returns the moment `ago` before another.
+/// Returns the time `ago` before `moment`.
 fn before(moment: Instant, ago: Second) -> Instant {
     Instant::from_ticks(moment.as_ticks().saturating_sub(span(ago.0).as_ticks()))
 }
@@ -59,7 +59,7 @@ impl Procedure {
                     let ago = self.principal_follower().and_then(Follower::touched_for);
                     self.touched(before(scan.middle, ago.unwrap_or_default()), out);
                 }
-                // Enters the phase only if it is new: a phase is two kilobytes.
+                // Enters the phase only if it is new, to avoid copying two kilobytes.
                 Some(Touch::Clear) if self.state() != State::Watching => {
                     self.go(Phase::Watching, out);
                 }
@@ -156,7 +156,7 @@ impl Procedure {
         self.go(Phase::Settling(settling), out);
     }
 
-    /// Handles a conversion while the press settles; `rate` in m/s at the end of a block.
+    /// Handles a conversion while the press settles. `rate`, in m/s, is known at the end of a block.
     fn settle(&mut self, deformation: Deformation, rate: Option<f32>, out: &mut Out<'_>) {
         let settings = &self.configuration.settings;
         let Phase::Settling(settling) = &mut self.phase else {
@@ -188,7 +188,7 @@ impl Procedure {
             let reason = RefusalReason::PressedTooLittle;
             return self.refuse(Reason::new(reason, Some(pressed_m), Some(least_m)), out);
         }
-        // An automatic measurement may start while the coil is not tested.
+        // An automatic measurement may settle before the coil is tested; it then waits for the test.
         if self.coil_is_tested(out) {
             self.begin_measurement(touched, out);
         }
@@ -221,8 +221,8 @@ impl Procedure {
         let started = TrainDrive::start(settings, limits, out.now);
         let (measurement, line) =
             Measurement::start(self.measurement, calibrated, touched, settings, started);
-        // The records contain all inputs of an estimate, so that it can be recomputed from them: here
-        // the temperature.
+        // The records contain all inputs of an estimate, so that it can be recomputed from them. This
+        // status contains the temperature.
         out.record(Record::Status(self.status()));
         self.go(Phase::Driving(measurement), out);
         out.push(Action::Current(line));
@@ -375,7 +375,7 @@ impl Procedure {
         }
     }
 
-    /// Reports the progress of a train, which may have gone from its peak to its ramps.
+    /// Reports a change from peak to ramps, and handles the progress of the train.
     fn driven(&mut self, progress: Progress, before: State, out: &mut Out<'_>) {
         if self.state() != before {
             self.announce(before, out);

@@ -9,9 +9,9 @@ use crate::event::{Failure, Scan};
 use crate::time::seconds;
 
 impl Procedure {
-    /// Raises a fault if a channel's readings are flagged for as long as a converter may be silent:
-    /// without a usable reading a sensor is as good as silent. Ends the fault when every channel of that
-    /// converter reads well.
+    /// Raises a fault if a channel's readings stay flagged for the time that a converter may be silent,
+    /// since a sensor without usable readings is as bad as a silent one. Ends the fault when every
+    /// channel of that converter reads well.
     pub(super) fn watch_readings(&mut self, scan: &Scan, out: &mut Out<'_>) {
         let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
         if all_good && !self.flagged_since.any && !matches!(self.phase, Phase::Fault(_)) {

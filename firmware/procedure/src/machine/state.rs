@@ -43,10 +43,10 @@ pub(super) enum Phase {
     Reporting {
         report: EstimateReport,
         next: u8,
-        /// Start of the touch, until the object is lifted.
+        /// Start of the touch; `None` once the object is lifted.
         touched: Option<Instant>,
     },
-    /// Measured or refused; the object still touches.
+    /// A measurement was completed or refused; the object still touches.
     Release {
         since: Instant,
     },
@@ -152,7 +152,7 @@ impl Phase {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ManualDrive {
     pub(super) began: Instant,
-    /// Link of the commanding PC, and time of its last message.
+    /// Link of the commanding PC; `last_received` is the time of its last message.
     pub(super) link: Link,
     pub(super) last_received: Instant,
     /// Start of the touch, if there is one.
@@ -246,7 +246,7 @@ const fn cause(quality: Quality) -> Option<FaultCode> {
     }
 }
 
-/// Returns whether a fault is of this kind, which only good readings end.
+/// Returns whether a fault is of the readings, so that only good readings end it.
 pub(super) const fn is_of_readings(code: FaultCode) -> bool {
     matches!(
         code,

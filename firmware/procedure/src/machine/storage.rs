@@ -24,12 +24,12 @@ use crate::time::{Duration, between, in_seconds, seconds};
 /// 0.2 s.
 const LONGEST: Duration = Duration::from_ticks(15_000_000);
 
-/// Time limit of the load at start-up, which only reads and takes a tenth of this.
+/// Time limit of the load at start-up, which only reads and takes a tenth of this limit.
 const LONGEST_AT_START: Duration = Duration::from_ticks(1_000_000);
 
 impl Procedure {
-    /// Starts loading the stored configuration before anything else. Skipped after a streak of crashes,
-    /// which it may have caused.
+    /// Starts loading the stored configuration before all other work. After a streak of crashes, which
+    /// the configuration may have caused, the storage is only inspected.
     pub(super) fn begin_storage(&mut self, out: &mut Out<'_>) {
         let (action, order) = if self.board.crashes >= MOST_CRASHES {
             (StorageAction::Inspect, StorageOrder::Inspect)
@@ -49,7 +49,7 @@ impl Procedure {
         let stored = &self.storage.stored;
         let is_sound = matches!(stored.state, StorageState::Whole | StorageState::Empty);
         let order = if is_sound && stored.configuration_crc == self.configuration.crc() {
-            // What is in force is stored already: writing it again would only wear the flash.
+            // The active configuration is stored already; writing it again would only wear the flash.
             StorageOrder::Inspect
         } else {
             StorageOrder::Begin
@@ -145,7 +145,7 @@ impl Procedure {
     }
 
     /// Applies a loaded configuration and discards all state that depends on the previous one. If a part
-    /// could not be read, none of it is applied.
+    /// could not be read, applies the default configuration.
     fn loaded(&mut self, failure: Option<StorageFailure>, out: &mut Out<'_>) {
         if failure.is_some() {
             self.configuration = Configuration::new(&self.board);
@@ -232,7 +232,7 @@ impl Procedure {
     }
 }
 
-/// Correction that changes nothing.
+/// Correction that leaves every current unchanged.
 fn no_correction() -> CurrentCorrection {
     CurrentCorrection {
         greatest_a: 1.0,

@@ -202,8 +202,8 @@ impl LoadCurve {
         reported.validate().is_ok().then_some(reported)
     }
 
-    /// Returns the point at a regressor, with the uncertainty of its distance from the middle of the
-    /// ramps.
+    /// Returns the point at a regressor. The calibration's part of the displacement's uncertainty grows
+    /// with the distance from the middle of the ramps.
     fn at(&self, regressor: f32) -> LoadCurvePoint {
         let point = self
             .fit
@@ -247,14 +247,13 @@ fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
 /// averages.
 const LEAST_MISFIT: f32 = 0.005;
 
-/// Multiple of the bend of the calibration's own trains that is still allowed: vibration synchronous
-/// with the ramps bends each train differently, by up to the square root of two of these.
+/// Allowed bend as a multiple of the bend of the calibration's own trains. Vibration synchronous with
+/// the ramps bends each train differently, by up to the square root of two times that bend.
 const OF_USUAL_BEND: f32 = 2.0;
 
 /// Adds the uncertainty that the bend of the ramps' line causes to the claim. Refuses a bend whose
-/// uncertainty exceeds all other uncertainties and what the bend of the calibration's trains would
-/// cause. `scatter` is the ratio of the noise that the ramps show to the noise of the fit, `usual` the
-/// bend of the calibration's trains.
+/// uncertainty exceeds both all other uncertainties and the allowed one. `scatter` is the ratio of the
+/// noise that the ramps show to the noise of the fit, `usual` the bend of the calibration's trains.
 fn with_misfit(
     claim: LoadRatio,
     bend: Option<Bend>,
@@ -297,10 +296,10 @@ fn operating_point(
 /// uncertainties of the stiffening: at the peak both change the signal as an error of the stiffening
 /// would.
 ///
-/// The ramp changes x by the fraction |h|/W, where W = 1 + kappa + g is the whole compliance and h = -g
-/// rho/(1 + rho) the regressor's change. An error o of x at the peak alone is the fraction (o/x) W/|h|
-/// of the ramp's change; an attraction p c_D0 with the relative error u is the fraction (p/x) u/|h| of
-/// it.
+/// With deformation x, load ratio kappa, actuated ratio g and relative rise rho, the ramp changes x by
+/// the fraction |h|/W, where W = 1 + kappa + g is the whole compliance and h = -g rho/(1 + rho) the
+/// regressor's change. An error o of x at the peak alone is the fraction (o/x) W/|h| of the ramp's
+/// change. An attraction p c_D0 with the relative error u is the fraction (p/x) u/|h| of that change.
 fn uncertainties(
     calibrated: &Calibrated,
     ratio: &LoadRatio,
@@ -352,7 +351,7 @@ fn off_calibration_k(calibrated: &Calibrated) -> Option<f32> {
     Some(now_c - effect.calibrated_at_c)
 }
 
-/// Returns the largest difference from the calibration's temperature, K.
+/// Returns the largest possible difference from the calibration's temperature, K.
 fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32 {
     let from = |now_c: f32| (now_c - effect.calibrated_at_c).abs();
     match temperature {
@@ -365,8 +364,8 @@ fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32
 }
 
 /// Returns the uncertainty of springs and rise from their uncorrected change with temperature if there
-/// is no thermometer: the change is uniform within limits, and 1.96 of the standard errors cover the
-/// whole range.
+/// is no thermometer. The change is taken as uniform within its limits, and 1.96 standard errors cover
+/// the whole range.
 fn uncorrected(calibrated: &Calibrated) -> Calibration {
     let Calibrated {
         temperature_effect: Some(effect),
@@ -400,9 +399,9 @@ fn of_temperature(calibrated: &Calibrated) -> Calibration {
     }
 }
 
-/// Returns the standard error of one uniform error that shapes a distribution as those of springs and
-/// stiffening do together: it has the same fourth cumulant, which for a uniform error grows with the
-/// fourth power.
+/// Returns the standard error of one uniform error that replaces the two of springs and stiffening. To
+/// give the distribution the same shape it has the sum of their fourth cumulants, which grow with the
+/// fourth power of each error.
 fn both_uniform(temperature: &Budget) -> f32 {
     let fourth = |error: f32| (error * error) * (error * error);
     sqrt(sqrt(
@@ -473,7 +472,7 @@ mod tests {
 
     use super::*;
 
-    /// Load curve of three equal springs, whose single ramps scatter by a factor.
+    /// Load curve of three equal springs; the ratio `scatter` applies to its single ramps.
     fn curve(scatter: f32) -> LoadCurve {
         let deformation = Metre(0.3e-3);
         let reference = Reference::new(deformation, 1.0).unwrap();
@@ -501,8 +500,8 @@ mod tests {
         }
     }
 
-    /// A press that changes within the ramps leaves a stiffness, or only a lower bound, and points with
-    /// uncertainties of metres. Random sequences have found such cases.
+    /// A press that changes within the ramps gives a stiffness or only a lower bound, but points of the
+    /// curve with uncertainties of metres. Random sequences have found such cases.
     #[test]
     fn a_curve_beyond_what_the_protocol_holds_is_not_reported() {
         assert!(curve(1.0).can_be_reported(1));

@@ -28,8 +28,8 @@ use train::{Train, TrainProfile, TrainSegment};
 /// amplifier's non-linearity (sim-host/stacks) are well within.
 const MAX_TRACKING_ERROR: f32 = 0.1;
 
-/// A measurement is refused if more than one conversion in this number is flagged or lost: so many
-/// errors have affected the other conversions too.
+/// A measurement is refused if more than one conversion in this number is flagged or lost: with so many
+/// errors, the other conversions are unreliable too.
 const ONE_IN: u32 = 10;
 
 /// Reason for a missing estimate, with numbers whose meaning depends on the code.
@@ -88,7 +88,7 @@ struct ZeroAtTrain {
 const BENCH_S: f32 = 1.5;
 
 /// Relative creep of the sensing layer while the age of the deformation grows by a factor of e: three
-/// modes of 6 %, as a mean over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
+/// modes of 6 % each, averaged over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
 const CREEP: f32 = 0.018;
 /// Standard uncertainty of [`CREEP`], which ranges from zero to twice that value.
 const CREEP_UNCERTAINTY: f32 = 0.0104;
@@ -123,8 +123,8 @@ impl TrainDrive {
         let profile = TrainProfile::new(settings);
         let (train, line) = Train::start(profile, now);
         let began = Instant::from_ticks(line.start_us);
-        // Every segment starts with the conversion nearest to the end of the previous one: a delay of a
-        // tenth of a second means a failed scheduler.
+        // Every segment starts with the conversion nearest to the end of the previous segment. A delay
+        // of a tenth of a second means a failed scheduler.
         let slack = span(0.1).as_ticks() * (u64::from(profile.ramps) * 3 + 3);
         let allowed = profile.duration().as_ticks() + slack;
         let allowed = allowed.min(span(limits.on_time_s).as_ticks());
@@ -148,7 +148,7 @@ impl TrainDrive {
         after(self.began, half)
     }
 
-    /// Advances the time; `converted`: a conversion has ended at this time.
+    /// Advances the train to `now`; `converted` says whether a conversion has just ended.
     pub(crate) fn tick(&mut self, now: Instant, converted: bool) -> Progress {
         if now >= self.deadline {
             let allowed = seconds(self.began, self.deadline).0;
@@ -206,7 +206,7 @@ impl TrainDrive {
     }
 }
 
-/// Checks the measured energy and temperature against the limits; the forecast has allowed the train.
+/// Checks the measured energy and temperature against the limits that the forecast has checked before.
 pub(crate) fn check_heat(settings: &Settings, heat: &Heat) -> Option<Failure> {
     let copper_c = heat.copper().0;
     let (code, value, limit) = if copper_c > settings.greatest_temperature_c {

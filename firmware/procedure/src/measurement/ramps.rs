@@ -14,11 +14,11 @@ use crate::time::in_seconds;
 /// Sums over the whole train.
 #[derive(Clone, Debug)]
 pub(super) struct Ramps {
-    /// Sums for level, slope, drifts and, last, a quadratic term: without it for the estimate, with it
-    /// for the load's curve.
+    /// Sums for level, slope, drifts and, last, a quadratic term. The estimate is solved without the
+    /// quadratic term, the load's curve with it.
     sums: Ramp,
-    /// Number of unknowns of a single ramp, which are the first ones of the sums: level, slope and, if
-    /// the settings allow a drift, a linear one; any slow drift is linear over a single ramp.
+    /// Number of unknowns of a single ramp, the first ones of the sums: level, slope and, if the
+    /// settings allow a drift, a linear drift. Any slow drift is linear over a single ramp.
     of_single: usize,
     /// Ramp in progress: its number, and the sums at its start.
     single: (u8, Ramp),
@@ -81,7 +81,7 @@ impl Ramps {
             None => Basis::new(&[level, slope, bend]),
             Some(DriftModel::Linear) => Basis::new(&[level, slope, straight, bend]),
             // Combines a curved drift with a straight one: rubber creeps while the coil's heat continues
-            // to change. With either of them alone, the residuals were ten times the noise (see the
+            // to change. With only one of the two, the residuals are ten times the noise (see the
             // residuals in the demo's report).
             Some(drift) => Basis::new(&[level, slope, straight, Term::Drift(drift), bend]),
         };
@@ -99,7 +99,7 @@ impl Ramps {
         self.sums.reference()
     }
 
-    /// Solves without the last term, which bends the line, and with it if the samples determine it.
+    /// Solves without the quadratic term, and also with it if the samples determine it.
     pub(super) fn solve(&self) -> Result<(Fit, Option<Fit>), RampRefusal> {
         let straight = self.sums.basis().terms().len().saturating_sub(1);
         let fit = self.sums.fit_first(straight, Noise::Larger);
@@ -123,8 +123,8 @@ impl Ramps {
         high - low
     }
 
-    /// Adds a sample of the ramp with this number. A sample that the sums reject - not finite, or not
-    /// pressed - is left out of all of them.
+    /// Adds a sample of the ramp with this number to all sums. Omits a sample that is not finite or not
+    /// pressed.
     pub(super) fn push(&mut self, sample: &RampSample, ramp: u8) {
         if ramp != self.single.0 {
             self.close_single(ramp);

@@ -36,10 +36,10 @@ impl TrainProfile {
         }
     }
 
-    /// Returns the profile with its longest segments, without lost conversions. Hold and fall end with
-    /// the conversion nearest to their planned end. A hold starts without a conversion; it ends only
-    /// after one conversion has detected the end of the rise, and another has sent the fall
-    /// [ahead](LEAD).
+    /// Returns the profile with the longest segments that can occur without lost conversions. Hold and
+    /// fall end with the conversion nearest to their planned end. A hold starts independently of the
+    /// conversions. It ends only after one conversion has detected the end of the rise, and another has
+    /// sent the fall [ahead](LEAD).
     pub(crate) fn longest(&self) -> Self {
         let half = self.half_conversion.as_ticks();
         let whole = (2 * half).max(1);
@@ -111,9 +111,9 @@ struct Fall {
 /// Train in progress.
 ///
 /// Each segment is sent before it starts, so its start time does not depend on how long sending takes: a
-/// busy processor needs most of a millisecond. With an elastomer that follows the current five
-/// milliseconds late, a fall that starts half a millisecond later relative to its conversions than in
-/// the calibration changes the estimate of a hard load by two per cent.
+/// busy processor needs most of a millisecond. With an elastomer that lags the current by five
+/// milliseconds, the estimate of a hard load changes by two per cent if a fall starts half a millisecond
+/// later, relative to its conversions, than in the calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
     profile: TrainProfile,
@@ -131,7 +131,7 @@ pub(crate) struct Train {
 
 /// Least time from the end of a conversion to the start of a segment that is sent after it. On the
 /// emulated board the procedure receives a conversion 0.56 ms after its end, and a line sent at once
-/// started 0.25 to 0.55 ms after that.
+/// starts 0.25 to 0.55 ms later.
 const LEAD: Duration = Duration::from_ticks(1_500);
 
 /// Time from the start of the train to its first rise. Before sending the rise, the procedure forecasts
@@ -207,7 +207,7 @@ impl Train {
         let usual = self.profile.half_conversion.as_ticks() * 2;
         if let Some(last) = self.converted.replace(end) {
             let passed = between(last, end);
-            // The time over a gap is not an interval between two conversions.
+            // The time across a gap is not an interval between two conversions.
             if passed.as_ticks() < usual + usual / 2 {
                 self.interval = passed;
             }
@@ -231,9 +231,9 @@ impl Train {
     /// Advances to the next segment at the end of the conversion nearest to the end of the present
     /// segment, and returns the line to drive.
     ///
-    /// Conversions then have the same positions on every fall, independent of other events, and lags
-    /// behind the current are the same on all. Choosing the first conversion at or after the end would
-    /// depend on its last microsecond: 10 conversions of 0.9993 ms are just less than 10 ms.
+    /// Conversions then have the same positions and lags behind the current on every fall, independent
+    /// of other events. With the first conversion at or after the end, its last microsecond would
+    /// decide: 10 conversions of 0.9993 ms take just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<CurrentLine> {
         let ends = self.ends();
         // Rise and ramp-down end by themselves at their final current, so the next segment need not be

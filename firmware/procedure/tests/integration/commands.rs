@@ -84,7 +84,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
             let drives = measures || state == State::Manual;
             let after = if drives { State::Release } else { state };
-            // In the state of reporting, the procedure continues to send the points of an estimate.
+            // In `State::Estimating` the procedure continues to send the points of an estimate.
             assert_eq!(rig.state(), after);
             assert_eq!(rig.procedure.is_armed(), !disarms && state != State::Fault);
             if disarms {
@@ -191,7 +191,7 @@ fn frames_that_cannot_be_understood() {
         let actions = rig.step(&Event::NotUnderstood(Link::Probe, error));
         assert_eq!(answers(&actions)[0].outcome, outcome);
     }
-    // Frames with these errors have no header to answer; they are only counted.
+    // Errors without a readable header to answer. They are counted; another version gets a `hello`.
     let unanswered = [FrameError::Checksum, FrameError::Version { found: 9 }];
     let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(Link::Probe, error)).len());
     assert_eq!(said, [0, 1], "who we are, to one of another version");

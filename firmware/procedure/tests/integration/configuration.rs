@@ -27,7 +27,7 @@ fn a_slower_converter_may_be_set_faster() {
 #[test]
 fn a_shorter_status_period_counts_at_once() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.status_period_s = 60.0));
-    // Runs past the records that are due by the previous, longer period.
+    // The first status is sent; the next one is due after the previous, longer period.
     rig.run(1_500);
     rig.records.clear();
     rig.accepted(Command::SetSettings(settings(|of| {

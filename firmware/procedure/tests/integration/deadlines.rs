@@ -29,7 +29,7 @@ fn without_any_event_the_first_that_comes_finds_it() {
             let actions = rig.step(&event);
             assert_eq!(actions[0], Action::SafeState, "{state} {gone_us}");
             assert_eq!(rig.state(), State::Fault);
-            // `now_us` may be at its maximum, so that time stands still; nothing starts, and nothing
+            // `now_us` may be at its maximum, where time stands still. No drive starts, and no step
             // panics.
             for _ in 0..100 {
                 rig.convert();
@@ -169,8 +169,8 @@ fn a_slow_converter_has_time_to_show_that_a_press_is_steady() {
 fn a_sweep_into_silence_is_stopped_in_its_own_step() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.now_us += 60_000;
-    // The sweep starts and is acknowledged; in the same step the sensor is found to give no readings, so
-    // no current remains.
+    // The sweep starts and is acknowledged. The same step detects the silent sensor and ends the
+    // current.
     rig.accepted(Command::Sweep);
     assert_eq!(rig.state(), State::Fault);
     assert!(rig.line.is_off());

@@ -13,7 +13,7 @@ use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
 use proptest::prelude::*;
 
-/// Returns the paper's coil with a bridge and wires of this resistance, armed, tested and touched.
+/// Returns an armed, tested, touched rig with the paper's coil and this resistance of bridge and wires.
 fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings);
     rig.drive = Some(SimulatedDrive::new(0.389, wires_ohm, rig.now_us));
@@ -111,8 +111,8 @@ fn a_commanded_current_that_does_not_fit_is_refused_with_the_time_to_wait() {
     assert_eq!(rig.state(), State::Manual);
 }
 
-/// Returns the highest value of the drive's account during the train, J: driven on a copy, whose drive
-/// reports nothing and has no guard.
+/// Returns the highest energy in the drive's account during the train, J. The train runs on a copy of
+/// the rig, whose drive neither reports its account nor enforces its limit.
 fn driven(rig: &Rig, command: Command) -> f32 {
     let mut rig = rig.clone();
     if let Some(drive) = &mut rig.drive {
@@ -204,8 +204,8 @@ proptest! {
     }
 }
 
-/// The copper temperature that the run before a reset has left is unknown: a train must wait until even
-/// the hottest allowed copper has cooled; a first press does not come so soon.
+/// The copper temperature at the end of the run before a reset is unknown. A train must wait until even
+/// the hottest allowed copper has cooled. A first press comes later than that, so it need not wait.
 #[test]
 fn after_a_reset_a_train_waits_for_copper_that_may_be_hot_and_a_press_does_not() {
     for (cause, waits) in [

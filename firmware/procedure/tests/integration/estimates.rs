@@ -55,8 +55,8 @@ fn an_ideal_press_gives_its_stiffness_with_every_drift_setting() {
 
 #[test]
 fn a_drift_of_the_kind_that_is_set_does_not_count() {
-    // Each shape phi is as the protocol describes it; the deformation is x (1 + d phi). The logarithmic
-    // drift counts from the touch.
+    // Each shape phi is as the protocol describes it. The deformation is x (1 + d phi), with size d. The
+    // logarithmic drift starts at the touch.
     let shapes: [(Drift, Shape); 4] = [
         (Drift::Linear, |time_s| time_s),
         (Drift::Logarithmic, |time_s| {
@@ -102,7 +102,7 @@ fn another_drift_than_the_one_that_is_set_does_count() {
     assert!(error.abs() > 5e-3, "{error:e}");
 }
 
-/// Ripple of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
+/// RMS ripple of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
 fn ripple_a(mean_a: f64) -> f64 {
     let duty = mean_a.abs() * 0.5 / 12.0;
     12.0 * duty * (1.0 - duty) * 16e-6 / 20e-6 / f64::sqrt(12.0)
@@ -111,7 +111,7 @@ fn ripple_a(mean_a: f64) -> f64 {
 #[test]
 fn the_ripple_counts_and_is_counted() {
     let (mut reported, mut unreported) = (0.0_f64, 0.0_f64);
-    // The reported ripple does not hide what attraction and cross-talk leave.
+    // Attraction and cross-talk also depend on the mean square of the current.
     for ratio in RATIOS {
         for tells_ripple in [true, false] {
             let sensor = Sensor {
@@ -279,7 +279,7 @@ fn a_press_may_be_as_old_as_it_likes() {
             rig.now_us += 39_000;
             rig.convert();
         }
-        // This sensor does not creep. The possible creep since the touch enters the interval.
+        // This sensor does not creep, but the interval allows for the possible creep since the touch.
         let estimate = rig.measure();
         assert!(rig.covers(&estimate), "{age_s} s: {estimate:?}");
         assert!(
@@ -296,12 +296,12 @@ fn a_press_may_be_as_old_as_it_likes() {
     }
 }
 
-/// The reading creeps by 1.8 % of each step of a press while its age grows by a factor of e beyond 1.5
-/// s; the force does not creep.
+/// The reading creeps by 1.8 % of each step of a press for each factor of e by which the step's age
+/// exceeds 1.5 s. The force does not creep.
 #[test]
 fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
-    // Depth and time of two steps. Step, creep and current together deepen the first press by a quarter,
-    // which it reaches at the peak of the train.
+    // Depth and time of two steps. In the first case, step, creep and current together deepen the first
+    // press by a quarter at the peak of the train.
     for (steps, most) in [
         ([(262e-6, 0.1), (300e-6, 100.0)], 0.05),
         ([(300e-6, 0.1), (300e-6, 100.0)], 0.05),
@@ -328,7 +328,7 @@ fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
                 rig.sensor.offset_m = increments.iter().map(crept).sum();
             }
         }
-        // Twice: the second train starts with a press of the same age as the first did.
+        // Measures the press twice; the reading does not creep further between the trains.
         for _ in 0..2 {
             let estimate = rig.measure();
             let error = error(&estimate, &rig);
@@ -358,14 +358,14 @@ fn the_interval_covers_the_truth_as_often_as_it_says() {
         rig.temperature(25.0);
         rig.run(500);
     }
-    // At least 95 % of 200, less three standard deviations: the scatter of the ramps only widens the
-    // intervals.
+    // The bound is 95 % of 200, less three standard deviations. More may be covered, since the scatter
+    // of the ramps only widens the intervals.
     assert!((181..=200).contains(&covered), "{covered} of {runs}");
     assert!(covered < runs, "an interval that always covers is too wide");
 }
 
-/// kappa 1, W 3.5, rho 0.1 at the peak: 2 % of c_S give 0.02, 3 % of the rise give 0.03 W/(1 + rho), and
-/// 0.3 % of the rise per kelvin give the same at ten kelvin.
+/// kappa = c_S/c_L = 1, whole compliance W = 3.5, rise rho = 0.1 at the peak: 2 % of c_S give 0.02, 3 %
+/// of the rise give 0.03 W/(1 + rho), and 0.3 % of the rise per kelvin give as much at ten kelvin.
 #[test]
 fn what_the_calibration_leaves_open_widens_the_interval() {
     let of_rise = 0.03 * 3.5 / 1.1;
@@ -431,8 +431,8 @@ fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones()
         let upper = sensing_n_per_m / estimate.lower_n_per_m - estimate.load_ratio;
         upper / estimate.load_ratio_standard_error
     });
-    // Nearly all of the uncertainty is that of the temperature, so the interval's reach is that of a
-    // uniform error.
+    // Nearly all of the uncertainty is that of the temperature, so the interval reaches as far as that
+    // of a uniform error.
     assert!((reaches[0] - 1.645).abs() < 0.01, "{reaches:?}");
     assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
 }
@@ -471,8 +471,8 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
         assert_eq!(estimate.temperature_c, Some(25.0));
         error(&estimate, &rig)
     });
-    // A rise assumed 6 % too large makes kappa larger by W = 3.5 times that, over 1 + rho; c_S, assumed
-    // 4 % too large, makes c_L larger by as much.
+    // A rise assumed 6 % too large makes kappa larger by 6 % of W/(1 + rho), with W = 3.5. A c_S assumed
+    // 4 % too large makes c_L larger by 4 %.
     assert!((-0.21..-0.17).contains(&errors[0]), "{errors:?}");
     assert!(errors[1].abs() < 1e-4, "{errors:?}");
 }
@@ -518,8 +518,8 @@ fn force_and_its_uncertainty_in_a_sample() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     let mut scale = springs(&rig.sensor);
     scale.force_scale_uncertainty = 0.02;
-    // The uncertainty of c_S affects a stiffness but not a force, whose uncertainty is that of the force
-    // scale.
+    // The uncertainty of c_S affects a stiffness but not a force. The force's uncertainty is that of the
+    // force scale.
     scale.sensing_uncertainty = 0.05;
     rig.accepted(Command::SetSprings(scale));
     rig.until(State::Watching, 3_000);

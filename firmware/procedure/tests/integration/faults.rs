@@ -52,7 +52,7 @@ fn any_fault_stops_any_state() {
             let fault = stops(&rig, &actions, *code);
             assert_eq!((fault.value, fault.limit), (Some(1.0), Some(2.0)));
             assert_eq!(fault.location, *location);
-            // The fault stands until a command clears it, whatever is converted meanwhile.
+            // The fault stands until a command clears it, regardless of the conversions meanwhile.
             rig.sensor.depth_m = 0.0;
             rig.run(1_000);
             assert_eq!((rig.state(), rig.faults().len()), (State::Fault, 1));
@@ -64,7 +64,7 @@ fn any_fault_stops_any_state() {
 fn silence_is_a_fault_and_ends_with_it() {
     for state in STATES {
         let mut rig = Rig::standing_in(state, |_| {});
-        // Neither the clock nor a thermometer shows that the sensor still speaks.
+        // Neither ticks nor thermometer readings keep the sensor from counting as silent.
         let quiet = |rig: &mut Rig| {
             let actions = rig.wait(1_000);
             rig.temperature(25.0);
@@ -117,7 +117,7 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             let mut rig = Rig::standing_in(state, |_| {});
             let convert = |rig: &mut Rig, flags| {
                 rig.sensor.flags = flags;
-                // The PC that commands a current sends a message now and then.
+                // Commands from the PC keep a commanded current from ending.
                 rig.accepted(Command::Identify);
                 rig.convert()
             };
@@ -251,7 +251,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
 
 #[test]
 fn more_energy_went_into_the_coil_than_was_forecast() {
-    // Finds the forecast energy of the train from a refusal: with a limit of 1 J it is too much.
+    // Finds the forecast energy of the train from a refusal: the energy exceeds the limit of 1 J.
     let mut rig = Rig::standing_in(State::Contact, |of| of.greatest_energy_j = 1.0);
     let forecast_j = rig.refused().value.expect("an energy");
     let limit_j = 1.01 * forecast_j;
@@ -304,8 +304,8 @@ fn a_clock_that_is_set_back_is_a_fault() {
         let actions = rig.wait(0);
         let fault = stops(&rig, &actions, FaultCode::Clock);
         assert_eq!((fault.location, fault.value), (Location::Clock, None));
-        // After the fault is cleared, the procedure continues by the new time, by which it also detects
-        // silence.
+        // After the fault is cleared, the procedure continues with the new time, and detects silence
+        // with it.
         rig.accepted(clear(FaultCode::Clock));
         rig.sensor.depth_m = 0.0;
         rig.until(State::Watching, 3_000);
@@ -440,8 +440,8 @@ fn of_two_faults_at_once_both_ends_are_reported() {
     let register = (FaultCode::SensorRegister, Location::Sensor);
     let coil = (FaultCode::CoilOpen, Location::Coil);
     let bridge = (FaultCode::Bridge, Location::Bridge);
-    // Two faults, whether the cause of the bus's ends first, and the faults in the order of their ends:
-    // the one that stands is cleared.
+    // Two faults, whether the cause of the bus fault ends before the standing fault is cleared, and the
+    // faults in the order in which they end.
     for (faults, recovers, ends) in [
         ([bus, coil], false, [coil, bus]),
         ([bus, coil], true, [bus, coil]),

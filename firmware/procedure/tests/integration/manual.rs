@@ -96,7 +96,7 @@ fn the_coils_test_is_asked_for_and_reported() {
         rig.records.pop().map(|of| of.1),
         Some(Record::CoilTest(found.clone()))
     );
-    // A result is reported only once: a further one without a request is not.
+    // A further result without a test in progress is not reported.
     rig.step(&Event::CoilTested(found));
     assert_eq!(rig.records, []);
 }

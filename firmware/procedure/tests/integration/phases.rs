@@ -128,7 +128,7 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
     };
     let mut begun_us = Vec::new();
     for _ in 0..2_000 {
-        // Events between conversions change nothing.
+        // Events between conversions start no segment.
         let between = rig.wait(600);
         assert_eq!(falls(&between), 0);
         rig.now_us -= 600;

@@ -13,7 +13,7 @@ fn drive(to_a: f32) -> Command {
     drive_coil(to_a, 0.0)
 }
 
-/// Returns a rig during the coil's test that arming starts.
+/// Returns a rig in a state, during the coil's test that arming starts.
 fn testing(state: State) -> Rig {
     let mut rig = Rig::standing_in(state, |_| {});
     rig.accepted(Command::Disarm);

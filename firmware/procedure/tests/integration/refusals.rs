@@ -129,7 +129,7 @@ fn pressed_too_little_or_too_far() {
         assert!((1e-3..1.1e-3).contains(&pressed_m), "{pressed_m}");
     };
     too_far(rig.refused());
-    // The deformation may exceed the curve only as the actuated layer stiffens.
+    // Here the deformation exceeds the curve only once the current stiffens the actuated layer.
     rig.sensor.press(0.98e-3);
     let refusal = rig.refused();
     assert_eq!(refusal.measurement, 1);
@@ -178,7 +178,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // Good readings between the flagged ones keep the sensor from being at fault.
+    // Good readings between the flagged ones prevent a fault of the sensor.
     let mut rig = driving(Rig::touched(|_| {}), 100);
     flagged(&mut rig, 121);
     assert_eq!(rig.state(), State::Ramps);
@@ -191,7 +191,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // With all readings flagged, there is none from which to detect a steady press.
+    // Without a single good reading, a steady press cannot be detected.
     let mut rig = Rig::touched(|of| of.settling_s = 0.5);
     rig.accepted(Command::Measure);
     for _ in 0..501 {
@@ -225,8 +225,8 @@ fn two_effects_cannot_be_distinguished() {
     let term = value(&rig.refusals()[0], RefusalReason::IllConditioned, None);
     assert_eq!(term, 1.0, "the slope");
     recovers(rig);
-    // In a single ramp a saw-tooth is a straight line too: the two differ by a constant, which together
-    // with the level has the shape of the signal.
+    // Within a single ramp, a saw-tooth differs from a straight line by a constant. This constant
+    // together with the level has the shape of the signal.
     let mut rig = Rig::touched(|of| (of.ramps, of.drift) = (1, Drift::SawTooth));
     let term = value(&rig.refused(), RefusalReason::IllConditioned, None);
     assert_eq!(term, 1.0, "the slope");
@@ -235,8 +235,8 @@ fn two_effects_cannot_be_distinguished() {
 
 #[test]
 fn the_sums_leave_the_range_of_numbers() {
-    // A sigma of 1e18 m over a deformation of 0.3 mm, squared; residuals of 0.1 nm over a sigma of
-    // 1e-34 m, squared.
+    // Two overflows: a sigma of 1e18 m over a deformation of 0.3 mm, squared; and residuals of 0.1 nm
+    // over a sigma of 1e-34 m, squared.
     for stated in [1e20, 1e-32] {
         let mut rig = Rig::touched(|_| {});
         rig.sensor.stated = stated;
@@ -245,8 +245,8 @@ fn the_sums_leave_the_range_of_numbers() {
     }
 }
 
-/// Returns a rig pressed on a sensor whose stiffening is half saturated at this current, which its
-/// calibration does not include.
+/// Returns a rig pressed on a sensor whose stiffening is half saturated at this current. The calibration
+/// does not include the saturation.
 fn saturating(half_way_a: f64, (springs_uncertain, bend): (f32, f32)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     rig.accepted(Command::SetSprings(Springs {
@@ -322,8 +322,8 @@ fn no_signal_a_reversed_one_or_one_too_large() {
     assert!(of_errors < -100.0, "{of_errors}");
     recovers(rig);
 
-    // A rigid load on a layer whose stiffening is 1.5 times the calibrated one: kappa + 1 + g is two
-    // thirds of 2.5 for small rises.
+    // A rigid load on a layer whose stiffening is 1.5 times the calibrated one. The estimated whole
+    // compliance kappa + 1 + g is then two thirds of 2.5 for small rises, so kappa is negative.
     let mut rig = Rig::touched(|_| {});
     rig.sensor.rise = 0.15;
     rig.sensor.load_n_per_m = 1e9;
@@ -342,8 +342,8 @@ fn the_error_is_too_large() {
     rig.accepted(Command::SetStiffening(uncertain));
     rig.accepted(Command::Arm);
     let part = value(&rig.refused(), RefusalReason::TooUncertain, Some(0.02));
-    // With kappa = 1, W = 3.5 and rho = 0.1 at the peak, the relative uncertainty of the stiffness is
-    // 0.05 W/(1 + rho).
+    // With load ratio kappa = 1, whole compliance W = 3.5 and rise rho = 0.1 at the peak, the relative
+    // uncertainty of the stiffness is 0.05 W/(1 + rho).
     assert!((part - 0.05 * 3.5 / 1.1).abs() < 1e-3, "{part}");
     let UncertaintyBudget { stiffening, .. } = rig.last();
     assert!((stiffening - part).abs() < 1e-3, "{stiffening}");
@@ -405,8 +405,8 @@ fn the_coil_could_not_bear_the_train() {
 
     let mut rig = Rig::touched(|of| of.greatest_energy_j = 10.0);
     let forecast = value(&rig.refused(), RefusalReason::TooMuchEnergy, Some(10.0));
-    // The energy is that of a mean of 53 A^2 for 1.21 s in 0.389 ohm at 20 degrees, and up to a fifth
-    // more for hot copper.
+    // The energy is that of a mean square of 53 A^2 for 1.21 s in 0.389 ohm at 20 degrees, and up to a
+    // fifth more for hot copper.
     let cold = 0.389 * 1.21 * (70.0 * 100.0 / 3.0 + 30.0 * 100.0) / 100.0;
     assert!((cold..1.2 * cold).contains(&forecast), "{forecast} {cold}");
     recovers(rig);
@@ -419,8 +419,8 @@ fn the_coil_could_not_bear_the_train() {
 
 #[test]
 fn events_that_come_too_late_stop_the_train() {
-    // A converter at 1 Hz is silent for up to ten seconds; holds that end with its conversions may last
-    // four seconds, which the coil must withstand.
+    // At 1 Hz a converter may be silent for ten seconds. Holds end with its conversions and may last
+    // four seconds, so the peak current must be low.
     let mut rig = Rig::touched(|of| {
         (of.rate_hz, of.steady_m_per_s) = (1.0, 1.0);
         of.peak_current_a = 0.5;
@@ -453,8 +453,8 @@ fn aborted_or_ended_by_a_fault() {
     }
 }
 
-/// The press moves at 40 um/s, below the limit of 50: the time of flagged readings is part of the
-/// movement's time.
+/// The press moves at 40 um/s, below the limit of 50. The time of the movement must include that of the
+/// flagged readings.
 #[test]
 fn a_press_counts_as_steady_by_its_rate_however_many_readings_are_flagged() {
     for every in [1, 2, 4] {

@@ -1,5 +1,5 @@
-//! Rest of the calibration: an object that lies on the sensor from the start, or arrives undetected,
-//! falsifies no estimate.
+//! Rest reading of the calibration: an object that lies on the sensor from the start, or arrives
+//! undetected, falsifies no estimate.
 
 use palpate_procedure::Event;
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
@@ -12,7 +12,7 @@ use crate::support::Rig;
 use crate::support::calibration::{settings, temperature_effect};
 use crate::support::sensor::Sensor;
 
-/// Returns a rig with the rest of its calibration, at the calibration's temperature.
+/// Returns a rig with the calibration's rest reading, at the calibration's temperature.
 fn calibrated(sensor: Sensor) -> Rig {
     let mut rig = Rig::calibrated(sensor, settings(|_| {}));
     rig.accepted(Command::SetTank(Tank {
@@ -25,7 +25,7 @@ fn calibrated(sensor: Sensor) -> Rig {
     rig
 }
 
-/// Returns a rig under an object that adds this deformation to everything else that presses.
+/// Returns a rig under an object that adds this deformation to every other one.
 fn under(object_m: f64) -> Rig {
     let mut rig = calibrated(Sensor {
         noise_m: 20e-9,

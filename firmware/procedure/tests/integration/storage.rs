@@ -80,7 +80,7 @@ impl Desk {
         assert!(self.orders.len() <= 1, "one order at a time");
     }
 
-    /// Runs until the storage has no work left, and not longer, since no converter converts here.
+    /// Runs until the storage has no work left; a longer run would fault for a silent converter.
     fn settle(&mut self) {
         self.run(1);
         while !(self.orders.is_empty() && self.reports.is_empty()) {

@@ -201,7 +201,7 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
         (counted.conversions, counted.second_conversions),
         (200, 200)
     );
-    // Conversions of the second converter alone do not keep the first from being silent.
+    // Conversions of the second converter alone do not prevent the fault of a silent first converter.
     for _ in 0..51 {
         rig.now_us += 1_000;
         let mut scan = rig.scan();

@@ -19,7 +19,7 @@ const POLL_US: u64 = 1_000;
 #[derive(Clone)]
 pub(crate) struct SimulatedDrive {
     pub(crate) account: Account,
-    /// Resistance of the copper at 20 degrees; the next field is that of bridge, wires and supply.
+    /// Resistance of the copper at 20 degrees; `wires_ohm` is that of bridge, wires and supply.
     pub(crate) copper_ohm: f64,
     pub(crate) wires_ohm: f64,
     /// Voltage loss from dead time, V.
@@ -57,7 +57,7 @@ impl SimulatedDrive {
         self.wires_ohm + self.copper_ohm * (1.0 + 3.93e-3 * (self.copper_c - 20.0))
     }
 
-    /// Returns whether it refuses a line that is requested at this time.
+    /// Returns whether the drive refuses a line that is requested at this time.
     pub(crate) fn refuses(&self, line: &CurrentPath) -> bool {
         let load = Load {
             resistance_ohm: self.resistance_ohm() as f32,
@@ -71,7 +71,7 @@ impl SimulatedDrive {
         !self.is_silent && !self.account.allows(&demand)
     }
 
-    /// Follows the current to a moment; returns whether its guard has ended the current.
+    /// Follows the current to a time; returns whether the drive's guard has ended the current.
     pub(crate) fn advance(&mut self, to_us: u64, line: &CurrentPath) -> bool {
         let mut is_over = false;
         while self.now_us < to_us {

@@ -81,8 +81,8 @@ pub(crate) fn board() -> BoardInfo {
     }
 }
 
-/// Path of the coil's current: a straight line up to the start of the next, then that line, then
-/// constant.
+/// Path of the coil's current: a straight line from the reported current to the start of the next line,
+/// then that line, then constant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct CurrentPath {
     pub(crate) reported_a: f64,
@@ -119,24 +119,24 @@ pub(crate) struct Rig {
     pub(crate) procedure: Procedure,
     pub(crate) limits: Limits,
     pub(crate) sensor: Sensor,
-    /// Gain of the current measurement; the next field is its offset.
+    /// Gain of the current measurement; `current_offset_a` is its offset.
     pub(crate) current_gain: f64,
     pub(crate) current_offset_a: f64,
-    /// RMS ripple as a function of the mean current, A; the next field says whether it is reported.
+    /// RMS ripple as a function of the mean current, A; `tells_ripple` says whether it is reported.
     pub(crate) ripple_a: fn(f64) -> f64,
     pub(crate) tells_ripple: bool,
     pub(crate) line: CurrentPath,
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
-    /// Duration of a coil test; the next field is the end of the one in progress.
+    /// Duration of a coil test; `test_ends_us` is the end of the one in progress.
     pub(crate) test_us: u64,
     pub(crate) test_ends_us: Option<u64>,
     /// Drive of the coil with its energy guard; without it the coil is ideal.
     pub(crate) drive: Option<SimulatedDrive>,
     /// Commands without an answer yet: sequence number and kind.
     pub(crate) open: Vec<(u32, u8)>,
-    /// The last command was a stop: nothing may be driven.
+    /// The last command was a stop: neither drive nor test may start.
     pub(crate) stopped: bool,
     /// Events and the resulting actions, for a test that repeats them.
     pub(crate) tape: Option<Vec<Observed>>,
@@ -262,8 +262,8 @@ impl Rig {
         rig
     }
 
-    /// Passes an event to the procedure, carries out its actions and checks the promises. The result of
-    /// a coil test that has ended meanwhile is reported after it.
+    /// Passes an event to the procedure, carries out its actions and checks the promises. Then reports
+    /// the result of a coil test that has ended.
     pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
         let line = self.line;
         let now_us = self.now_us;

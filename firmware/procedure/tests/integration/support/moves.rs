@@ -45,7 +45,7 @@ pub(crate) enum Move {
     Conditions(Conditions),
     Fault(Failure),
     Recovered(FaultCode),
-    /// Restores everything as at first except the clock, and arms.
+    /// Restores the initial rig except its clock, and arms it.
     Restore,
 }
 
@@ -232,7 +232,7 @@ fn commands() -> impl Strategy<Value = Command> {
     ]
 }
 
-/// The short settings with one field changed, to anything or to something possible.
+/// The short settings with one field changed, to any number or to a possible one.
 fn changed_settings() -> impl Strategy<Value = Settings> {
     let fields = (0_u8..20, floats(), any::<u8>());
     fields.prop_map(|(field, value, number)| {

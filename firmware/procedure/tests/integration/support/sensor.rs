@@ -29,8 +29,8 @@ pub(crate) struct Sensor {
     pub(crate) depth_m: f64,
     /// Attraction between the halves of the actuated layer.
     pub(crate) attraction_n_per_a2: f64,
-    /// Apparent deformation per square of the current; the next field is its relative growth with the
-    /// deformation.
+    /// Apparent deformation per square of the current; `crosstalk_growth_per_m` is its relative growth
+    /// with the deformation.
     pub(crate) crosstalk_m_per_a2: f64,
     pub(crate) crosstalk_growth_per_m: f64,
     /// Change of the deformation with time, added to the reading.
@@ -103,7 +103,7 @@ impl Sensor {
         1.0 + s / self.load_n_per_m + s / self.actuated(current_a)
     }
 
-    /// Returns x_S, which the procedure cannot see.
+    /// Returns the true deformation x_S of the sensing layer, which the procedure can only measure.
     pub(crate) fn deformation_m(&self, current_a: f64, time_s: f64) -> f64 {
         let pull_m = self.attraction_n_per_a2 * current_a.powi(2) / self.actuated(current_a);
         let pressed = if self.depth_m > 0.0 {
