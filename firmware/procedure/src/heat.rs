@@ -15,7 +15,7 @@ use crate::time::in_seconds;
 const WARM_ROOM: Celsius = Celsius(30.0);
 
 /// Upper bound of the computed copper temperature, the melting point. Without this bound an ever growing
-/// resistance would end in infinity minus infinity, NaN, which passes every check of a limit.
+/// resistance would end in infinity minus infinity, NaN, which is not greater than any limit.
 const MELTING: Celsius = Celsius(1085.0);
 
 /// Temperatures of copper and pad, computed from the square of the current.

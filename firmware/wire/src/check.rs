@@ -15,7 +15,7 @@ pub(crate) struct FieldLimits {
 }
 
 impl FieldLimits {
-    /// Limits of a whole payload, which is no single field and has none.
+    /// Placeholder for a whole payload, which has neither a field number nor limits.
     const NONE: Self = Self::new(0, &Range::NONE);
 
     /// Returns the number and the limits of a field.
@@ -85,7 +85,7 @@ impl Checker {
 macro_rules! number {
     ($($number:ident)+) => {$(
         impl Check for $number {
-            // Not inlined, so a call per field: inlined, the check of commands takes a third more code.
+            // Not inlined: inlined into each field's check, it takes a third more code.
             #[inline(never)]
             fn check(&self, limits: &'static FieldLimits, checker: &mut Checker) {
                 checker.number(f64::from(*self), limits);

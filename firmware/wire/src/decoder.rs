@@ -150,7 +150,7 @@ pub enum PayloadError {
 }
 
 impl FrameError {
-    /// Returns the header of a frame that arrived but was not decoded: it counts as received.
+    /// Returns the header of a frame that arrived but was not decoded; such a frame counts as received.
     pub const fn header(&self) -> Option<&Header> {
         match self {
             Self::UnknownKind { header, .. } | Self::Payload { header, .. } => Some(header),
@@ -240,8 +240,8 @@ impl<M: Message, const N: usize> Decoder<M, N> {
         Some(result)
     }
 
-    /// Takes bytes and returns the frames that end within them, one by one. Consume the whole iterator,
-    /// or bytes are not taken.
+    /// Takes bytes and returns the frames that end within them, one by one. The decoder takes bytes only
+    /// while the iterator is consumed: consume it to its end.
     pub fn frames<'a>(
         &'a mut self,
         bytes: &'a [u8],

@@ -18,7 +18,7 @@ const WINDOW: u32 = 128;
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {
     /// The first frame of a new boot: the device has restarted, unless it is the very first frame. The
-    /// number of frames between the last one of the previous boot and its end is unknown.
+    /// number of frames after the last received one of the previous boot is unknown.
     FirstOfBoot,
     /// The frame after the last one.
     Next,
@@ -40,14 +40,14 @@ pub enum Arrival {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally {
     boot_id: u32,
-    /// Number of the first received frame; the next field is the number after that of the last one. Both
-    /// are extended beyond 32 bits.
+    /// Number of the first received frame; `next` is the number after that of the last one. Both are
+    /// extended beyond 32 bits.
     first: u64,
     next: u64,
     received: u64,
     duplicates: u64,
     stale: u64,
-    /// Dropped count in the last frame; the next field is its rise since the first frame.
+    /// Dropped count in the last frame; `dropped` is its rise since the first frame.
     dropped_at_last: u32,
     dropped: u64,
     /// Bit n: frame `next - 1 - n` was received.
@@ -77,7 +77,7 @@ impl Tally {
         if ahead <= u32::MAX / 2 {
             return self.take_ahead(ahead, header.dropped);
         }
-        // How far the frame is behind the expected one: 1 for the last received frame, 2 for the one
+        // Distance of the frame behind the expected one: 1 for the last received frame, 2 for the frame
         // before it.
         let behind = expected.wrapping_sub(header.sequence);
         let after_first = self.next - self.first;

@@ -148,7 +148,7 @@ macro_rules! codes {
                 }
             }
 
-            /// Returns the value with a number; `Unknown` only for a number without another value.
+            /// Returns the value of a number; `Unknown` for a number without a named value.
             pub const fn from_number(number: u8) -> Self {
                 match number {
                     $($number => Self::$variant,)+

@@ -27,8 +27,8 @@ pub trait Message: sealed::Payload {
     /// check of a record finds defects of the device.
     fn validate(&self) -> Result<(), Invalid>;
 
-    /// Returns the structure after the header, if there is one: names and units of the fields in
-    /// [`Invalid`].
+    /// Returns the structure of the payload, if there is one. It gives names and units to the field
+    /// numbers of [`Invalid`].
     fn payload(&self) -> Option<&'static Structure> {
         let mut kinds = Self::KINDS.iter();
         kinds.find(|kind| kind.number == self.kind())?.payload

@@ -1,7 +1,7 @@
 //! Description of the format as data: with it a program can print tables of the format, name fields,
 //! compare two builds, and compute the largest size of a frame.
 //!
-//! A firmware that only encodes and decodes contains none of it.
+//! A firmware that only encodes and decodes contains no part of this description.
 
 use heapless::{String, Vec};
 

@@ -4,8 +4,8 @@ use core::fmt;
 
 use crate::schema::{Field, Structure, Type};
 
-/// A field with an invalid value, by number: the device that detects it needs no names.
-/// [`named`](Self::named) adds them.
+/// A field with an invalid value, identified by its number, since the device needs no names.
+/// [`named`](Self::named) adds the name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Invalid {
     /// Number of the field: its index in the command, or in the item if it is in one.

@@ -1,4 +1,4 @@
-//! What stops the instrument.
+//! Fault codes, and locations of a fault.
 
 codes! {
     /// Fault of the instrument or of a part of it. The record `fault` carries a value and a limit;

@@ -1,4 +1,4 @@
-//! What the device is and how it came to run.
+//! Identity of the device, and cause of its start.
 
 codes! {
     /// Cause of the device's start.

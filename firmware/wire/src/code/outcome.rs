@@ -1,4 +1,4 @@
-//! What became of a command.
+//! Results of a command.
 
 codes! {
     /// Result of a command. Numbers 21, 23, 24 and 26 are reserved.

@@ -1,4 +1,4 @@
-//! Why a measurement gives no estimate.
+//! Reasons why a measurement gives no estimate.
 
 codes! {
     /// Reason why a measurement gave no estimate. The record `refusal` carries a value and a limit;

@@ -1,4 +1,4 @@
-//! What is stored in flash memory, and what is done with it.
+//! States of the storage, operations on it, and targets of a restart.
 
 codes! {
     /// State of the stored set.

@@ -18,8 +18,8 @@ fn only_what_makes_nothing_less_safe_is_for_any_boot() {
     }
 }
 
-/// Compares with kind and payload of each command, cut out of its frame, and with the number that the
-/// fixture's `hello` reports.
+/// Compares the CRC with that over kind and payload of each command, cut out of its frame, and with the
+/// number that the fixture's `hello` reports.
 #[test]
 fn the_configuration_is_its_commands_without_their_headers() {
     let mut setters = commands();

@@ -61,7 +61,7 @@ fn the_damaged_stream_is_accounted_for() {
 fn the_document_is_up_to_date() {
     let text = fs::read_to_string(document::path()).unwrap();
     let renewed = document::renewed(&text);
-    // Reports a changed limit by its row: in the document, and in the code.
+    // Reports the first changed row, as it is in the document and in the code.
     let changed = text
         .lines()
         .zip(renewed.lines())

@@ -1,5 +1,5 @@
-//! What a payload may be: nothing shorter or longer than its type, and no byte that a field does not
-//! allow.
+//! Reading of payloads: one that is shorter or longer than its type, or has a byte that a field does not
+//! allow, is refused.
 
 use crate::support::payloads::{Parts, any_parts, fields, list, smallest};
 use crate::support::{frame_of, header};
@@ -17,7 +17,7 @@ fn error_of<M: Message>(kind: u8, payload: &[u8]) -> Option<PayloadError> {
     }
 }
 
-/// Checks a payload cut off at any place, and one with excess bytes.
+/// Checks a payload cut off at any position, and one with excess bytes.
 fn has_its_length<M: Message>((_, kind, mut payload): Parts) {
     for length in 0..payload.len() {
         let error = error_of::<M>(kind.number, &payload[..length]);
@@ -62,7 +62,7 @@ fn a_flag_is_0_or_1() {
         let read = [0, 1, 2, 0x80, 0xFF].map(|flag| is_read(kind, field, &[flag]));
         assert_eq!(read, [true, true, false, false, false], "{field}");
     }
-    // Before an optional value: 1 has the value after it.
+    // Flag before an optional value: 0 for `None`, 1 if the value follows.
     let read = [0, 1, 2, 0xFF].map(|flag| {
         let value = if flag == 0 { &[][..] } else { &[0; 4] };
         is_read("refusal", "limit", &[&[flag], value].concat())
@@ -103,7 +103,7 @@ fn a_list_or_text_beyond_its_capacity_is_refused() {
     assert!(is_read("crash", "file", &text(48)));
     assert!(!is_read("crash", "file", &text(49)));
     assert!(!is_read("crash", "file", &[1, 0xFF]), "no UTF-8");
-    // More than its capacity, and more than there is.
+    // A length above the list's capacity, and lengths above the number of remaining bytes.
     assert!(!is_read("raw", "words", &[33, 0]));
     assert!(!is_read("raw", "words", &[0xFF, 0x7F]));
 }

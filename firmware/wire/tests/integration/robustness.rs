@@ -68,8 +68,8 @@ proptest! {
     }
 }
 
-/// Checks that a frame with a valid CRC-32 is read, or refused for what stands in it. It may be longer than
-/// its shortest encoding, never shorter.
+/// Checks that a frame with a valid CRC-32 is read, or refused for its content. A frame that is read may
+/// be longer than its shortest encoding, never shorter.
 fn is_read_or_refused<M: Message, const N: usize>(mut decoder: Decoder<M, N>, bytes: &[u8]) {
     let mut results = decoder.frames(bytes);
     match results.next().expect("the zero ends a frame") {
@@ -85,10 +85,10 @@ fn is_read_or_refused<M: Message, const N: usize>(mut decoder: Decoder<M, N>, by
 #[derive(Clone, Debug)]
 enum Damage {
     Flip(Vec<(Index, u8)>),
-    /// Bytes are missing, exchanged for others, or put in.
+    /// Bytes are removed, replaced or inserted.
     Replace(Index, usize, Vec<u8>),
     Swap(Index, Index),
-    /// The frame breaks off, and another one goes on.
+    /// The frame is cut off, and the rest of another frame follows.
     Continue(Index, Index),
     /// The zero at the end is missing.
     Join,

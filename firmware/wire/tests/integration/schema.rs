@@ -62,7 +62,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
         .collect()
 }
 
-/// Returns the ending that the name of a field with this unit has.
+/// Returns the suffix of the name of a field with this unit.
 fn suffix(unit: &str) -> String {
     match unit {
         "degC" => "_c".into(),

@@ -411,8 +411,8 @@ fn every_problem_has_an_outcome() {
 /// The check also finds records that a defect of the device produces.
 #[test]
 fn records_can_be_checked_too() {
-    // Kinds with which the test cannot work: their largest value, with 1.1 in each float, is within all
-    // limits, those of a temperature and of standard errors.
+    // Kinds that the test cannot use: their largest value, with 1.1 in each float, is within all limits,
+    // which are those of a temperature and of standard errors.
     const WITHIN: [&str; 2] = ["calibration_identity", "uncertainty_budget"];
     let limited = |kind: &&Kind| !WITHIN.contains(&kind.name);
     for kind in Record::KINDS.iter().filter(limited) {

@@ -21,7 +21,7 @@ pub(crate) fn kind_of<M: Message>(message: &M) -> &'static Kind {
 
 /// Returns a frame as bytes.
 pub(crate) fn bytes_of<M: Message>(frame: &Frame<M>) -> Vec<u8> {
-    // What the buffer held before does not matter.
+    // The previous content of the buffer must not matter.
     let mut buffer = vec![0x55; M::MAX_FRAME];
     encode(&frame.header, &frame.message, &mut buffer)
         .expect("the buffer holds any frame")
@@ -58,12 +58,12 @@ pub(crate) fn sound(header: Header) -> Vec<u8> {
     bytes_of(&Frame { header, message })
 }
 
-/// Returns a frame as bytes, for a payload that need not be of its kind.
+/// Returns a frame as bytes; the payload need not fit the kind.
 pub(crate) fn frame_of(header: &Header, kind: u8, payload: &[u8]) -> Vec<u8> {
     framed(&content(header, kind, payload))
 }
 
-/// Returns all that the CRC-32 covers.
+/// Returns the bytes that the CRC-32 covers.
 pub(crate) fn content(header: &Header, kind: u8, payload: &[u8]) -> Vec<u8> {
     [&payloads::encoded(&(VERSION, kind, header)), payload].concat()
 }

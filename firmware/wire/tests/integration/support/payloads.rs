@@ -1,4 +1,4 @@
-//! Payloads as bytes, made from the schema alone: the tests compare with it what the types derive.
+//! Payloads as bytes, made from the schema alone. The tests compare them with the encoding of the types.
 
 use palpate_wire::schema::{Field, Kind, Structure, Type};
 use palpate_wire::{Header, Message};
