@@ -119,7 +119,7 @@ pub struct Instrument {
     clocks_run: bool,
     /// Order that waits for the bridge to be proven off.
     order: Option<StorageOrder>,
-    /// Target and time of a requested restart; its last answer has been sent by then.
+    /// Target and time of a requested restart. The time leaves enough time to send the last answer.
     restart: Option<(RebootTarget, u64)>,
     conditions_due_us: u64,
     /// Time at which the procedure last received conditions, us, and the time that the processor had
@@ -167,7 +167,7 @@ impl Instrument {
     }
 
     /// Starts the instrument. A converter that has not answered yet counts as absent. Stored settings
-    /// and calibration are applied first; [`has_begun`](Self::has_begun) returns when that is done.
+    /// and calibration are applied first; then [`has_begun`](Self::has_begun) returns `true`.
     pub fn begin<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
         self.clocks_run = identity.clocks_run;
         self.make(hardware, identity);
@@ -299,8 +299,8 @@ impl Instrument {
 
     /// Passes on a test result or a part of a trace.
     fn follow_coil<H: Hardware>(&mut self, hardware: &mut H) {
-        // Checked before either is taken: test result and trace are large, and nearly always there is
-        // neither.
+        // Checks first whether there is either, since test result and trace are large and rarely
+        // available.
         if hardware.with_coil(|coil| coil.has_found()) != Some(true) {
             return;
         }
@@ -482,8 +482,8 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     }
 }
 
-/// Returns whether an order starts to write or erase flash, for which the bridge must be off. The orders
-/// that follow it find the bridge still off.
+/// Returns whether an order starts to write or erase flash, for which the bridge must be off. During the
+/// orders that follow it, the bridge stays off.
 const fn changes_flash(order: &StorageOrder) -> bool {
     matches!(order, StorageOrder::Begin | StorageOrder::Erase)
 }

@@ -1,8 +1,8 @@
 //! Time grid of the scans: decides whether a frame belongs to one scan, which scans are missing, and
 //! whether the converter still converts as planned.
 //!
-//! A falling edge of INTB ends a scan. The frame is read after it, while the converter continues and
-//! overwrites the results channel by channel: that of channel 0 long before the next edge. A frame
+//! A falling edge of INTB marks the end of a scan. The frame is read after the edge, while the converter
+//! continues and overwrites the results channel by channel, channel 0 long before the next edge. A frame
 //! belongs to one scan only if each word was latched before its channel's next conversion ended. The end
 //! time of the transaction shows this. A late frame is dropped and counted as missed.
 
@@ -15,9 +15,9 @@ use super::setpoint::Scheme;
 const FRACTION: u32 = 16;
 const MICROSECOND: i64 = 1 << FRACTION;
 /// Allowed difference between an edge interval and the period, in units of 2^-16 us. A stamp is
-/// truncated to whole microseconds, and the interrupt that takes it may wait for a bus interrupt; two
-/// seconds at 1 kHz have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A
-/// conversion that is longer by less than this shifts a time stamp by less than two microseconds.
+/// truncated to whole microseconds, and its interrupt may wait for a bus interrupt. Two seconds at 1 kHz
+/// show no larger difference (sim-host/emulator/tests/integration/acquisition.rs). A conversion that is
+/// longer by less than this shifts a time stamp by less than two microseconds.
 const TOLERANCE: i64 = 2 * MICROSECOND;
 /// Uncertainty of the planned period per channel, in units of 2^-16 us: the converter takes 0 to 0.9 us
 /// between two conversions, the latter by datasheet equation 8.
@@ -35,7 +35,7 @@ const LEFT: i64 = MICROSECOND / KNOWN as i64;
 /// a conversion that the chip's watchdog aborts causes only one.
 const CHECK_AFTER: u8 = 2;
 /// Number of equal intervals off the grid, in a row, after which the converter counts as failed although
-/// its registers are intact: its clock is wrong.
+/// its registers are intact: its clock must be wrong.
 const GIVE_UP_AFTER: u8 = 8;
 
 /// Times of reading a frame.
@@ -107,14 +107,14 @@ pub struct Grid {
     in_time: bool,
     /// The time between the last scan and the next one is unknown.
     gap: bool,
-    /// Length of the last interval off the grid; the next field counts how often it came in a row.
+    /// Length of the last interval off the grid; `strange` counts how often it came in a row.
     strange_us: u64,
     strange: u8,
 }
 
 impl Grid {
-    /// Creates the grid of a plan, with the planned period and none learnt yet. `with_status`: STATUS is
-    /// read first in each frame. `generation`: generation of the setpoint.
+    /// Creates the grid of a plan, with the planned period; no interval has been learnt yet.
+    /// `with_status`: STATUS is read first in each frame. `generation`: generation of the setpoint.
     pub fn new(scheme: &Scheme, with_status: bool, generation: u32) -> Self {
         let parts = Parts::new(scheme, with_status);
         Self {
@@ -133,7 +133,7 @@ impl Grid {
         }
     }
 
-    /// Returns whether a register can be read between two frames without spoiling one, however late the
+    /// Returns whether reading a register between two frames never makes a frame late, however late the
     /// task starts the read.
     pub const fn has_room(&self) -> bool {
         self.has_room
@@ -184,8 +184,8 @@ impl Grid {
     pub fn take(&mut self, fetch: &Fetch) -> Finding {
         let last_edge = self.last_edge.replace((fetch.edge_us, fetch.edges));
         let was_in_time = core::mem::take(&mut self.in_time);
-        // The converter makes an edge at the end of every scan unless INTB is still low: after a frame
-        // read in time, the next edge ends the next scan.
+        // The converter makes an edge at the end of every scan unless INTB is still low. So after a
+        // frame that was read in time, the next edge marks the end of the next scan.
         let mut follows = false;
         let mut is_early = false;
         if let Some((last_us, last_edges)) = last_edge {

@@ -24,8 +24,8 @@ const MASTER_US: i32 = 10;
 /// Time to read one register between two frames, in microseconds: 48 bits of 2.5 us, and [`MASTER_US`].
 const REGISTER_US: i32 = 130;
 /// Least free time in a scan period, in microseconds, for the task that took the last frame to start a
-/// transaction of its own before the next frame. With 11 us it could not do so for four frames, and lost
-/// three.
+/// transaction of its own before the next frame. With 11 us, a task could not start one for four frames,
+/// and three frames were lost.
 const TURN_US: i32 = 40;
 
 /// Registers read in one transaction.
@@ -98,8 +98,8 @@ impl Parts {
     pub(super) fn latest_end_us(&self) -> [u32; MOST_PARTS] {
         let mut latest_us = [u32::MAX; MOST_PARTS];
         for (latest_us, part) in latest_us.iter_mut().zip(self.iter()) {
-            // A part that ends by then has started by its latest start, since it takes at least the time
-            // of its bits.
+            // A part that ends by this time has started by its latest start, since it takes at least the
+            // time of its bits.
             *latest_us = (part.slack_us + part.length_us).max(0).unsigned_abs();
         }
         latest_us
@@ -111,7 +111,7 @@ impl Parts {
         self.spare_us() >= 0 && self.left_us() >= 0
     }
 
-    /// Returns whether a register can be read between two frames without spoiling one, however late the
+    /// Returns whether reading a register between two frames never makes a frame late, however late the
     /// task starts the read.
     pub(super) fn has_room(&self) -> bool {
         self.spare_us() >= REGISTER_US && self.left_us() >= TURN_US

@@ -9,9 +9,9 @@ use super::parts::Parts;
 use super::setpoint::{Scheme, Setpoint};
 use crate::board::{BUS_HZ, Clkin, SENSOR};
 
-/// Events that INTB reports: the end of every frame, and a conversion that the watchdog has aborted. If
-/// a sensor does not oscillate, no conversion of more than 5.2 ms ends, and INTB would be as silent as
-/// with a disconnected converter.
+/// Events that INTB reports: the end of every frame, and a conversion that the watchdog has aborted. The
+/// second one is for a sensor that does not oscillate: no conversion of more than 5.2 ms then ends, and
+/// INTB would be as silent as with a disconnected converter.
 const ERRORS: ErrorConfig = ErrorConfig {
     watchdog_to_interrupt: true,
     ..ErrorConfig::DATA_READY
@@ -66,7 +66,7 @@ impl Scheme {
             ages_us,
             channels: plan.configuration.acquisition.channel_count(),
         };
-        // With STATUS, since the other converter on the bus may need it in each frame.
+        // Assumes STATUS, since the other converter on the bus may need it in each frame.
         let parts = Parts::new(&scheme, true);
         if setpoint.shares_bus && !parts.fit() {
             return Err(LimitError::BusTooSlow {
@@ -100,8 +100,8 @@ pub fn rates_hz(setpoint: Setpoint, with_status: bool) -> [u32; 2] {
 /// The protocol's highest rate plus one (firmware/wire/src/command/settings.rs).
 const MOST_HZ: u32 = 5_001;
 
-/// Returns the first number from `low` to `high` from which a monotonic condition holds; `high` if there
-/// is none before it.
+/// Returns the smallest number from `low` to `high` for which a monotonic condition holds; `high` if it
+/// holds for no smaller one.
 fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
     while low < high {
         let middle = low + (high - low) / 2;
@@ -119,10 +119,10 @@ fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
 /// C).
 const PRESSED: [u32; 2] = [6, 5];
 
-/// Returns the strongest drive with which the pressed sensor's amplitude, a fifth above that at rest
-/// (`PRESSED`), is at most the amplitude at rest with the found drive. The converter finds the strongest
-/// drive below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it. At rest the
-/// oscillation may be too weak with the returned drive: see [`stronger`].
+/// Returns the strongest drive that leaves room for a press: the pressed sensor's amplitude, a fifth
+/// above that at rest (`PRESSED`), is at most the amplitude at rest with `found`. The converter finds
+/// the strongest drive below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it.
+/// At rest the oscillation may be too weak with the returned drive: see [`stronger`].
 pub fn with_room(found: DriveCode) -> DriveCode {
     let [pressed, at_rest] = PRESSED;
     let has_room = |code: &DriveCode| {
@@ -144,7 +144,7 @@ fn ceil(rate_hz: f32) -> u32 {
     (whole + u32::from(more)).max(1)
 }
 
-/// Returns one channel alone, or a scan up to the highest one: the converter has no other sequences.
+/// Returns one channel alone, or a scan up to the highest channel: the converter has no other sequences.
 fn acquisition(channels: u8) -> Acquisition {
     let single = match channels {
         0b0010 => Some(Channel::One),
@@ -188,9 +188,9 @@ fn times(configuration: &Configuration) -> Times {
         let settle_s = periods / reference_hz(configuration);
         end_s -= conversion_s + settle_s + SWITCH_S;
     }
-    // Each time is rounded on its own relative to the edge, so no rounding adds to another. It is
-    // rounded up, since the stamp of an edge is late: by 0.1 to 1.7 us from the edge to its interrupt,
-    // less the truncation to whole microseconds. The result is between 1.9 us early and 1.7 us late
+    // Each time is rounded relative to the edge, so rounding errors do not add up. It is rounded up,
+    // since the stamp of an edge is late: by 0.1 to 1.7 us from the edge to its interrupt, less the
+    // truncation to whole microseconds. The result is between 1.9 us early and 1.7 us late
     // (docs/evidence/image-starts.md).
     let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 1.0) as u32);
     let [before_edge_us, ..] = before_us;
@@ -212,8 +212,8 @@ mod tests {
     use super::*;
 
     /// A conversion has at most 65,535 times 16 clocks: 31.46 ms of one channel at 33.3 MHz, 26.2 ms at
-    /// 40 MHz. The fourth channel of a scan follows three conversions, and a record can hold 65.5 ms of
-    /// them. A frame takes 47 bit times per register, a stop, and 10 us of the master.
+    /// 40 MHz. The fourth channel of a scan follows three conversions, and a record can represent an
+    /// offset of 65.5 ms. A frame takes 47 bit times per register, a stop, and 10 us of the master.
     #[test]
     fn the_rates_are_those_of_conversion_record_and_bus() {
         for (channels, with_status, [lowest, highest]) in [
@@ -260,11 +260,11 @@ mod tests {
         }
     }
 
-    /// For every code: at rest and pressed the amplitude stays within 1.2 and 1.8 V, for any position of
-    /// the sensor within its step, or with one code above the margin.
+    /// For every found code and any amplitude at which it is found: pressed, the amplitude is at most
+    /// 1.8 V with the returned drive; at rest, it is at least 1.2 V with the next stronger drive.
     #[test]
     fn a_pressed_sensor_has_room_and_one_at_rest_is_not_faint() {
-        // The strongest code certainly below the clamp, and the one above it.
+        // The found code is the strongest one below the clamp of 1.8 V; the next code is above it.
         for code in 3..31 {
             let found = DriveCode::new(code).unwrap();
             let drive = with_room(found);

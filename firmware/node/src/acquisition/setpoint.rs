@@ -35,8 +35,8 @@ pub struct Scheme {
 }
 
 impl Scheme {
-    /// Returns whether the scan rate is as requested and not higher: the longest conversion is shorter
-    /// than the period, and every time within a scan fits into a record.
+    /// Returns whether the scan rate is not higher than requested, and every time within a scan fits
+    /// into a record. The rate is higher if the period exceeds the longest conversion.
     pub(crate) fn is_kept(&self) -> bool {
         let first = self.configuration.acquisition.channels().next();
         let settings = self.configuration.channel(first.unwrap_or_default());

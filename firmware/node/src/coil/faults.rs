@@ -83,7 +83,7 @@ mod tests {
 
     const LIMITS: Limits = crate::board::DRIVE;
 
-    /// Repeats the entries of docs/faults.md.
+    /// The table repeats the entries of docs/faults.md.
     #[test]
     fn every_fault_of_the_drive_has_its_code_and_place() {
         let table = [

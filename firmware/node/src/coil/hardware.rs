@@ -6,7 +6,7 @@ use super::kept::EnergyWords;
 use crate::board;
 
 /// Number of stored block averages of the measured current: 512 of 256 us last longer than the slowest
-/// scan, the first channel's conversion (26 ms at 40 MHz) and the three that follow it.
+/// scan, which has four conversions of 26 ms at 40 MHz.
 pub const AVERAGED_BLOCKS: usize = 512;
 /// Number of currents in a trace, which one `drive_coil` command records (docs/protocol.md,
 /// `current_trace`).
@@ -101,8 +101,8 @@ pub trait CoilHardware {
     /// Enables or disables the control interrupt; it may be disabled only while the bridge is off.
     fn run(&mut self, on: bool);
 
-    /// Gives `work` access to the drive without a control interrupt: for a microsecond, to read or for a
-    /// small change. Returns `None` without a drive.
+    /// Gives `work` access to the drive while the control interrupt cannot run. `work` takes a
+    /// microsecond: it reads, or makes a small change. Returns `None` without a drive.
     fn with_drive<T>(&mut self, work: impl FnOnce(&mut Drive) -> T) -> Option<T>;
 
     /// Applies an order of any length.
@@ -117,7 +117,7 @@ pub trait CoilHardware {
     /// Returns the energy words that the previous run left; arbitrary words after a loss of power.
     fn kept_energy(&self) -> EnergyWords;
 
-    /// Keeps the energy words for the next run: a reset does not clear them.
+    /// Stores the energy words for the next run, in memory that no reset clears.
     fn keep_energy(&mut self, words: EnergyWords);
 
     /// Returns the last period of the control interrupt.

@@ -41,10 +41,10 @@ const UNWANTED_A: f32 = 0.5;
 /// Number of bridge periods over which the current is averaged to detect an unwanted one.
 const UNWANTED_PERIODS: u32 = 32;
 /// While the control interrupt is disabled: number of polls between two readings of thermistor and
-/// supply. It divides the range of the poll counter.
+/// supply. The range of the poll counter is a multiple of this number.
 const SELDOM: u8 = 8;
-/// While the control interrupt is disabled: number of polls between two reports of the drive. It divides
-/// the range of the poll counter.
+/// While the control interrupt is disabled: number of polls between two reports of the drive. The range
+/// of the poll counter is a multiple of this number.
 const RARELY: u8 = 64;
 /// Weight of a new reading in the exponential smoothing of the supply voltage; 1 while readings are
 /// rare.
@@ -106,8 +106,8 @@ impl<H: CoilHardware> CoilManager<H> {
 
     // ---- requests ----
 
-    /// Lets the current follow a line, unless a failure is latched, which the procedure may not yet have
-    /// received when it requests this.
+    /// Lets the current follow a line. Ignores the line while a failure is latched, which the procedure
+    /// may not have received before its request.
     pub fn follow(&mut self, line: &CurrentLine) {
         if self.failure.is_some() {
             return;
@@ -150,7 +150,7 @@ impl<H: CoilHardware> CoilManager<H> {
         self.tracing = Some(tracing);
     }
 
-    /// Corrects the measured current from here on.
+    /// Corrects the measured current from now on.
     pub fn correct(&mut self, correction: &CurrentCorrection) {
         let mut pairs = heapless::Vec::<[f32; 2], MAX_POINTS>::new();
         for (measured_a, change_a) in correction.points() {
@@ -165,7 +165,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Switches the bridge off before it returns; it stays off.
+    /// Switches the bridge off before this returns; the bridge stays off.
     pub fn stop(&mut self) {
         self.switch_off();
         // A stopped test reports no result.
@@ -324,8 +324,8 @@ impl<H: CoilHardware> CoilManager<H> {
         let is_first = self.supply_v == 0.0;
         let part = if rests || is_first { 1.0 } else { SMOOTHING };
         let off_v = |of_v: f32| of_v - self.supply_v;
-        // A single outlier is an error of the ADC: of the last two readings, the one nearer to the
-        // smoothed supply counts.
+        // A single outlier is an error of the ADC, so of the last two readings the one nearer to the
+        // smoothed supply is used.
         self.supply_v += part
             * if is_first || off_v(supply_v).abs() <= off_v(read_v).abs() {
                 off_v(supply_v)
@@ -358,7 +358,7 @@ impl<H: CoilHardware> CoilManager<H> {
                 }
             }
             DriveState::Off { tested } => {
-                // Only the end of a test has new findings, not the end of a drive.
+                // Only the end of a test has a new result; the end of a drive has none.
                 if tested
                     && matches!(
                         before,

@@ -149,7 +149,7 @@ mod tests {
 
     const REGISTER: Register = Register::Config;
 
-    /// Repeats the entries of docs/faults.md.
+    /// The table repeats the entries of docs/faults.md.
     #[test]
     fn every_error_has_its_fault_and_place() {
         use FaultCode::{

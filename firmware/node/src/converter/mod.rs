@@ -46,8 +46,8 @@ const SILENT_US: f32 = 2_000.0;
 /// Number of planned frame periods after which the oscillation has settled; includes a margin, since a
 /// frame may be longer than planned.
 const SETTLED_FRAMES: f32 = 2.5;
-/// Number of consecutive frames, read because INTB was low and without a known edge, after which INTB is
-/// checked: one or two such frames may follow a late frame.
+/// Number of consecutive frames without a known edge, read because INTB was low, after which INTB is
+/// checked. One or two such frames may follow a late frame.
 const MOST_WITHOUT_EDGE: u32 = 4;
 /// Number of frame periods within which a conversion certainly ends.
 const INTERRUPT_FRAMES: f32 = 1.5;
@@ -59,8 +59,8 @@ const PATIENCE: u32 = 2;
 /// the bus counts as too slow for the scan rate. At the limit of the bus every second frame is too late.
 const WITHOUT_SAMPLE: u32 = 16;
 
-/// Setpoint of the test that finds out what releases INTB: with faster conversions the next one would
-/// end before INTB is read.
+/// Setpoint of the test that finds out what releases INTB. With faster conversions, the next conversion
+/// would end before INTB is read.
 const PROBE: Setpoint = Setpoint {
     channels: 0b0001,
     rate_hz: 500.0,
@@ -229,8 +229,8 @@ where
                         without_edge = 0;
                         without_sample += 1;
                     } else {
-                        // A frame without a known edge does not prove that INTB, whose edges start
-                        // frames, works.
+                        // A frame without a known edge was not started by INTB, so it does not prove
+                        // that INTB works.
                         without_edge += 1;
                     }
                     if self.take(scheme, &mut grid, &frame).await? {
@@ -327,7 +327,7 @@ where
             return Ok(false);
         };
         let Some(sampled) = grid.sampled(scheme, frame, fetch) else {
-            // INTB may still be low. After this read, its next falling edge finds a free bus.
+            // This read releases INTB if it is still low, so its next falling edge finds a free bus.
             self.driver.read_status().await?;
             return Ok(false);
         };
@@ -361,9 +361,9 @@ where
         Ok(())
     }
 
-    /// Sets the clock when the other converter does not need a different one: a conversion counted with
-    /// two clocks is wrong by a sixth, and no flag shows it. Returns `false` if the setpoint has changed
-    /// meanwhile.
+    /// Sets the clock when the other converter does not need a different one: a conversion during which
+    /// the clock changes is wrong by a sixth, and no flag shows this. Returns `false` if the setpoint
+    /// has changed meanwhile.
     async fn take_clock(&mut self, clkin: Clkin) -> Result<bool> {
         let generation = self.generation();
         for _ in 0..CLOCK_POLLS {

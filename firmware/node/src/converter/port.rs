@@ -78,8 +78,8 @@ pub trait Port {
     /// Holds the converter in shutdown by SD, or lets it wake.
     fn shut_down(&mut self, off: bool);
 
-    /// Sets the clock at CLKIN, which both converters share. The task calls it only while neither runs
-    /// from a different one.
+    /// Sets the clock at CLKIN, which both converters share. The task calls it only while neither
+    /// converter runs from a different clock.
     fn set_clkin(&mut self, clkin: Clkin);
 
     /// Waits, and checks in with the supervisor meanwhile.

@@ -45,7 +45,7 @@ impl ConverterState {
         }
     }
 
-    /// Sets the requested operation. A converter that already runs so continues undisturbed.
+    /// Sets the requested operation. A converter that already has this setpoint continues undisturbed.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.setpoint = match self.setpoint {
             Some((already, _)) if already == setpoint => return,
@@ -81,8 +81,8 @@ impl ConverterState {
         self.chip
     }
 
-    /// Returns whether frames are read with STATUS: they are, unless the converter has proven that it
-    /// does not need it.
+    /// Returns whether frames are read with STATUS: always, unless reading the data alone is known to
+    /// release INTB.
     #[must_use]
     pub fn reads_status(&self) -> bool {
         self.release != Some(InterruptRelease::ByData)

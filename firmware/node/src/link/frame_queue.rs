@@ -151,7 +151,7 @@ impl FrameReceiver<'_> {
     }
 
     /// Fills the next packet and returns its length, if the PC has taken the last one and there is data
-    /// to send. It is then in transit until [`taken`](Self::taken) or [`lost`](Self::lost).
+    /// to send. The packet is then in transit until [`taken`](Self::taken) or [`lost`](Self::lost).
     pub fn next_packet(&mut self, packet: &mut [u8]) -> Option<usize> {
         let is_needed = !self.is_empty() || self.is_unfinished || self.ends_frame;
         if self.on_its_way.is_some() || !self.is_open() || !is_needed {
@@ -252,7 +252,7 @@ mod tests {
         assert_eq!((sender.take_discarded(), sender.take_discarded()), (3, 0));
         assert!(receiver.is_empty());
         assert!(sender.write(&FRAME));
-        // The rest of the half frame is ended before the first whole one.
+        // A zero ends the half frame before the first whole frame.
         assert_eq!(
             packet(&mut receiver, 64).unwrap(),
             [&[0], &FRAME[..]].concat()
@@ -266,7 +266,7 @@ mod tests {
         receiver.set_open(true);
         assert!(sender.write(&FRAME) && sender.write(&FRAME) && sender.write(&FRAME));
         assert_eq!(packet(&mut receiver, 6).unwrap().len(), 6);
-        // The rest of the second frame and a part of the third.
+        // This packet has the rest of the second frame and a part of the third.
         assert_eq!(receiver.next_packet(&mut [0; 4]), Some(4));
         receiver.lost();
         receiver.lost();

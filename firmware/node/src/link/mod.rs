@@ -1,7 +1,7 @@
 //! Links to PCs: records out, commands in, each link separately.
 //!
-//! Every link numbers its frames and counts the dropped ones, so that each receiver knows exactly what
-//! it lacks. No part waits for a PC: frames without space are dropped.
+//! Every link numbers its frames and counts the dropped ones, so that each receiver knows exactly how
+//! many are missing. No part waits for a PC: frames without space are dropped.
 
 mod frame_queue;
 mod usb_frames;
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(times_us.first(), Some(&begin_us));
         assert_eq!(times_us.last(), Some(&(begin_us + 58_000)));
         assert!(times_us.is_sorted());
-        // Counted from the last received frame, the 59th.
+        // Counts from `last` to the last received frame, the 59th of the 60.
         assert_eq!((tally.produced(), tally.missing()), (60, 19));
         assert_eq!(tally.dropped_by_device(), 19);
     }

@@ -5,7 +5,7 @@ const FRAME_US: u32 = 1_000;
 /// Time from the start of a USB frame, us, after which no bulk packet may be made available: the packet
 /// may meet the frame's end, and then the controller hangs until it is reset (RP2040-E15, whose
 /// workaround excludes 800 to 998). Making a packet available takes 10 us, and interrupts may come
-/// between: with 770 here, one was made available at 800 us after 44 s with the coil in its train, and
+/// between. With 770, a packet was made available at 800 us after 44 s with the coil in its train, and
 /// the controller hung. With 700, the latest packet in two minutes was made available at 721 us.
 const FRAME_ENDS_US: u32 = 700;
 
@@ -20,7 +20,7 @@ pub struct UsbFrames {
 }
 
 impl UsbFrames {
-    /// Creates it without a known frame, as after a bus reset.
+    /// Creates the clock without a known frame, as after a bus reset.
     pub const fn new() -> Self {
         Self {
             polled_us: 0,

@@ -261,8 +261,9 @@ fn after_an_error_of_the_bus_nothing_is_known_of_what_went_before() {
 fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     for (channels, rate_hz, with_status) in CASES {
         let bus = Bus::new(channels, rate_hz, with_status).settled();
-        // A register may be read if this fits: the read may start just before the edge, and takes 48 bit
-        // times and the master's overhead; the task also needs its turn between two frames.
+        // A register may be read if a frame may start 130 us late: the read may start just before the
+        // edge, and takes 48 bit times and the master's overhead. It also needs a turn between two
+        // frames.
         let fits = latest_begin_us((channels, rate_hz, with_status)) >= 130;
         let turn_us = bus.period_us - bus.frame_us;
         let expected = fits && turn_us >= 40.0;
@@ -281,7 +282,7 @@ fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     }
 }
 
-/// A disturbance that pulls INTB low for a moment ends no scan: the words are the last ones.
+/// A disturbance that pulls INTB low for a moment ends no scan: the words are those of the last scan.
 #[test]
 fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
     for (channels, rate_hz, with_status) in CASES {
