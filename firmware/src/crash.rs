@@ -1,6 +1,6 @@
-//! What one run keeps for the next, in memory that no reset clears: how it ended, which
-//! [`palpate_procedure::boot`] evaluates with the chip's reset flags; and the heat in the coil, with
-//! which the coil's manager continues its account of the energy.
+//! Data that a run keeps for the next one, in memory that no reset clears: the cause of its end, which
+//! [`palpate_procedure::boot`] evaluates with the chip's reset flags; and the energy in the coil, with
+//! which the coil's manager continues its account.
 
 #![allow(unsafe_code)]
 
@@ -18,7 +18,7 @@ pub use palpate_procedure::boot::End;
 struct RecordCell(UnsafeCell<MaybeUninit<RecordWords>>);
 
 // SAFETY: written at the end of a run, with interrupts off, and at its start before they are on;
-// `forget` is called from one task, and what it may be interrupted by ends the run.
+// `forget` is called from one task, and other code that writes in between ends the run.
 unsafe impl Sync for RecordCell {}
 
 /// The kept crash record. An exported symbol, so that a test finds it.
@@ -56,7 +56,7 @@ pub fn keep_energy(words: EnergyWords) {
     unsafe { ENERGY.0.get().cast::<EnergyWords>().write_volatile(words) };
 }
 
-/// Keeps the cause for the next run.
+/// Keeps the cause of this run's end for the next run.
 pub fn keep(end: &End<'_>) {
     write(boot::record(end, &read(), reset::uptime_ms()));
 }

@@ -22,7 +22,7 @@ pub static SAMPLES: Wakeup = Wakeup::new();
 pub type Sleeper = SignalReader<'static, ()>;
 
 impl Wakeup {
-    /// Creates it without an event.
+    /// Creates a wakeup without an event.
     pub const fn new() -> Self {
         Self {
             signal: Signal::new(),

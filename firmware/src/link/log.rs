@@ -73,7 +73,7 @@ struct Logger;
 // reaches the log.
 unsafe impl defmt::Logger for Logger {
     fn acquire() {
-        // A task that interrupts between the two leaves `DEPTH` as it was.
+        // A task that interrupts between this load and the store leaves `DEPTH` as it was.
         let depth = DEPTH.load(Ordering::Relaxed) + 1;
         DEPTH.store(depth, Ordering::Relaxed);
         if depth > 1 {

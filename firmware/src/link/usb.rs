@@ -63,7 +63,7 @@ impl ByteSource for UsbCommands {
     }
 }
 
-/// USB device, for its interrupt. Without the USB clock there is none.
+/// USB device, for the USB interrupt. Without the USB clock there is no device.
 pub struct UsbLink {
     on_bus: Option<OnBus>,
     records: FrameReceiver<'static>,

@@ -28,7 +28,7 @@ use crate::supervision::CHECK_INS;
 use crate::wakeup::Sleeper;
 use crate::{Mono, app};
 
-/// Maximum number of samples of a converter that are processed before everything else gets a turn.
+/// Maximum number of samples of a converter that are processed before other work gets a turn.
 const AT_ONCE: usize = 4;
 /// Time in milliseconds in which the converters must wake, identify themselves and show what releases
 /// their interrupt lines; an absent one is known after 5 ms.

@@ -8,10 +8,10 @@ use crate::board::pins;
 use crate::supervision::{CHECK_INS, PERIOD_MS};
 use crate::{Mono, app, crash};
 
-/// Number of the supervisor's polls between two changes of the LED, which so blinks once a second.
+/// Number of the supervisor's polls between two changes of the LED, which then blinks once a second.
 const BLINK: u32 = 50;
-/// Number of polls after which the run has lasted, so that a later crash does not continue a streak: 10
-/// s.
+/// Number of polls, 10 s in total, after which a run has lasted long enough: a later crash does not
+/// continue a streak.
 const LASTED: u32 = 1_000;
 
 /// Number of polls between two changes of the LED while it flickers, ten times a second.

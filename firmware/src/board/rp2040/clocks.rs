@@ -22,9 +22,9 @@ const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
 /// chip may have 14 to 96 (2.17.1).
 const RING_MHZ: u32 = 52;
 /// Register ROSC.DIV: divide by 32 (2.17.8). After a watchdog reset the boot ROM runs from the ring
-/// oscillator and tries 128 times to read its second stage from flash, which returns nothing during an
-/// erase. So slow a clock makes the tries last 554 ms at the fastest ring frequency; an erase takes 400
-/// ms at most (docs/decisions/0064-200-megahertz.md).
+/// oscillator and tries 128 times to read its second stage from flash, which gives no data during an
+/// erase. With this slow clock the tries last 554 ms at the fastest ring frequency, longer than an
+/// erase, 400 ms at most (docs/decisions/0064-200-megahertz.md).
 const RING_BY_32: u32 = 0xAA0;
 /// Time in microseconds from setting the core voltage to switching to the clock that needs it. The SDK
 /// waits 1 ms.
@@ -61,8 +61,8 @@ const fn pll(output_hz: u32, post_div1: u8, post_div2: u8) -> PLLConfig {
     }
 }
 
-/// Starts all clocks. Returns `false` if one does not start: the processor then runs from the clocks
-/// that did, and the timer counts them.
+/// Starts all clocks. Returns `false` if one does not start: processor and timer then run from the
+/// clocks that did.
 #[allow(unsafe_code)]
 pub fn set_up(
     resets: &mut RESETS,
@@ -81,7 +81,7 @@ pub fn set_up(
     // Without the timer's tick no task could wait and no fault would be reported. The tick is as
     // accurate as the clock from which it is divided.
     let mhz = if clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL {
-        // SAFETY: nothing runs by the ring oscillator any more, and nothing else writes this register.
+        // SAFETY: no part runs from the ring oscillator any more; no other code writes this register.
         unsafe { (*ROSC::ptr()).div().write(|w| w.bits(RING_BY_32)) };
         CRYSTAL_MHZ
     } else {
@@ -135,7 +135,7 @@ fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Optio
     resets
         .reset()
         .modify(|_, w| w.pll_sys().clear_bit().pll_usb().clear_bit());
-    // The HAL also waits for the end of this reset, without a time limit; by then it has ended.
+    // Waits here first, since the HAL waits for the end of this reset without a time limit.
     within_time(|| {
         let done = resets.reset_done().read();
         done.pll_sys().bit_is_set() && done.pll_usb().bit_is_set()

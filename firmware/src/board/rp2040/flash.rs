@@ -3,9 +3,9 @@
 //! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, flash
 //! cannot be read, so all code that runs meanwhile is in RAM, with its constants (build.rs), and
 //! interrupts stay enabled. Afterwards flash is read over four wires again, as the second stage sets it
-//! up: with the ROM's own command a line takes 3 us, in which no interrupt starts, and time stamps would
-//! be off by as much. The second stage itself is not run again: an interrupt within it could break one
-//! of its commands in two.
+//! up. With the ROM's own command, a cache line would take 3 us, in which no interrupt starts, and time
+//! stamps would be off by as much. The second stage is not run again: an interrupt could split one of
+//! its commands.
 
 #![allow(unsafe_code)]
 
@@ -67,7 +67,7 @@ const POLLS: usize = 2_000;
 #[inline(always)]
 unsafe fn by_commands<T>(work: impl FnOnce() -> T) -> T {
     let pads = Pads::read();
-    // SAFETY: in the order that they are for (datasheet 2.8.3.1.3).
+    // SAFETY: called in the order that the datasheet prescribes (2.8.3.1.3).
     let result = unsafe {
         rom_data::connect_internal_flash();
         rom_data::flash_exit_xip();
@@ -105,7 +105,7 @@ impl Pads {
 
     #[inline(always)]
     fn write(&self) {
-        // SAFETY: the flash's alone, and what was there before.
+        // SAFETY: only the flash uses these pads, and they get back their earlier values.
         unsafe {
             let pads = &*PADS_QSPI::ptr();
             pads.gpio_qspi_sclk().write(|w| w.bits(self.clock));
@@ -122,7 +122,7 @@ impl Pads {
 /// start-up.
 #[inline(always)]
 fn read_on_four_wires() {
-    // SAFETY: the controller is this code's alone; nothing reads flash yet.
+    // SAFETY: only this code uses the controller, and flash is not read meanwhile.
     let controller = unsafe { &*XIP_SSI::ptr() };
     let set_up = |format: u32| {
         // SAFETY: as above.
@@ -160,13 +160,13 @@ pub fn number() -> u64 {
         select(false);
         number.unwrap_or(0)
     };
-    // SAFETY: this code and its constants lie in memory, and no interrupt is on.
+    // SAFETY: this code and its constants are in RAM, and no interrupt is enabled.
     unsafe { by_commands(ask) }
 }
 
 /// Drives the chip select: low for `true`, high for `false`.
 fn select(on: bool) {
-    // SAFETY: the pin is the flash's alone. The ROM gives it back to the controller afterwards.
+    // SAFETY: only the flash uses the pin. The ROM gives it back to the controller afterwards.
     let pin = unsafe { &*IO_QSPI::ptr() }.gpio_qspiss();
     pin.gpio_ctrl().modify(|_, w| {
         if on {
@@ -191,7 +191,7 @@ fn exchange_number() -> Option<u64> {
 
 /// Sends a byte and returns the byte received for it.
 fn exchange(sent: u8) -> Option<u8> {
-    // SAFETY: the controller is in the ROM's serial mode, and this code's alone.
+    // SAFETY: only this code uses the controller, which is in the ROM's serial mode.
     let controller = unsafe { &*XIP_SSI::ptr() };
     // SAFETY: any byte may be sent.
     controller.dr0().write(|w| unsafe { w.bits(sent.into()) });
@@ -246,7 +246,7 @@ fn erase_sector(address: u32) {
     bridge_off();
     // SAFETY: a sector of the area, in which no code lies.
     let erase = || unsafe { rom_data::flash_range_erase(address, SECTOR, BLOCK, ERASE_BLOCK) };
-    // SAFETY: all but the storage lies in memory, and that waits here.
+    // SAFETY: only the storage's code is in flash, and it waits here.
     unsafe { by_commands(erase) }
 }
 

@@ -26,7 +26,7 @@ use palpate_node::board::CORE_HZ;
 /// Number of polls in 10 ms at the processor's full clock; a poll takes twelve cycles.
 const POLLS: u32 = CORE_HZ / 100 / 12;
 
-/// Polls a condition for 10 ms at most, longer before the clocks are up; returns whether it held.
+/// Polls a condition for 10 ms, longer before the clocks are up; returns whether it was met.
 ///
 /// Start-up hardware either answers within microseconds or is broken. Continuing without it leads to a
 /// reported fault; waiting forever would not.

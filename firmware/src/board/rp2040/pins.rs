@@ -166,7 +166,7 @@ pub(super) fn input(pin: usize, pull: u32) {
 }
 
 pub(super) fn set_up_converter_pins() {
-    // The converter stays in shutdown until it is started, so none of its wires moves before.
+    // The converter stays in shutdown until it is started, so none of its lines changes before.
     for pin in SHUTDOWN {
         output(pin, true);
     }

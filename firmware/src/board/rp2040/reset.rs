@@ -48,7 +48,7 @@ pub fn uptime_ms() -> u32 {
 /// Switches the bridge off and resets the chip into its boot loader, which receives an image over USB
 /// and starts it.
 pub fn restart_into_boot_loader() -> ! {
-    // SAFETY: the last thing that this run does.
+    // SAFETY: this run ends here.
     let mark = unsafe { &*WATCHDOG::ptr() }.scratch0();
     // Clears the mark: the boot loader starts the new image through the watchdog, and that reset is not
     // one of this firmware's.
@@ -59,7 +59,7 @@ pub fn restart_into_boot_loader() -> ! {
 
 /// Resets the chip.
 pub fn restart() -> ! {
-    // SAFETY: the last thing that this run does.
+    // SAFETY: this run ends here.
     let watchdog = unsafe { &*WATCHDOG::ptr() };
     loop {
         watchdog.ctrl().write(|w| w.trigger().set_bit());

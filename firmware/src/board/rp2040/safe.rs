@@ -11,11 +11,11 @@ use crate::crash::{self, End};
 
 /// Enters the safe state: switches the bridge off, independent of the rest of the firmware.
 ///
-/// It needs only two hardware registers, may be called from anywhere, and takes less than 1.5
-/// microseconds of cached code.
+/// Uses only two hardware registers, may be called from anywhere, and takes less than 1.5 microseconds
+/// when its code is cached.
 pub fn bridge_off() {
-    // SAFETY: clears three outputs and takes two pins from the PWM; both are single writes that
-    // nothing else depends on.
+    // SAFETY: clears three outputs and takes two pins from the PWM, in single writes on which no other
+    // code depends.
     unsafe {
         let pins = 1 << pins::BRIDGE_ENABLE | 1 << pins::IN1 | 1 << pins::IN2;
         (*SIO::ptr()).gpio_out_clr().write(|w| w.bits(pins));

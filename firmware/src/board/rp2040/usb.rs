@@ -35,11 +35,11 @@ pub fn set_up(
 ) -> Option<UsbBusAllocator<Bus>> {
     resets.reset().modify(|_, w| w.usbctrl().set_bit());
     resets.reset().modify(|_, w| w.usbctrl().clear_bit());
-    // The HAL also waits for the end of this reset, without a time limit; by then it has ended.
+    // Waits here first, since the HAL waits for the end of this reset without a time limit.
     if !wait(|| resets.reset_done().read().usbctrl().bit_is_set()) {
         return None;
     }
-    // Proves to the HAL that the clock exists; changes nothing.
+    // Proves to the HAL that the clock exists; does not change the clock.
     let clock = ClocksManager::new(clocks).usb_clock;
     let bus = UsbBus::new(registers, memory, clock, true, resets);
     Some(UsbBusAllocator::new(Bus::new(bus)))
@@ -51,8 +51,8 @@ pub fn call() {
 }
 
 /// Keeps packets from triggering the USB interrupt while received packets wait for space. The start of a
-/// frame still triggers it: without that the end of a frame would be unknown, and everything else would
-/// wait as well.
+/// frame still triggers it. Without that, the end of a frame would be unknown, and all other work of the
+/// interrupt would wait as well.
 pub fn mask_packet_interrupt() {
     interrupts().modify(|_, w| w.buff_status().clear_bit());
 }
@@ -74,7 +74,7 @@ const LONGEST_DATA: u16 = 128;
 const REFUSED: [u8; 8] = [0x60, 0, 0, 0, 0, 0, 0, 0];
 /// First two bytes of a request after which packets start with DATA0 (USB 2.0 9.1.1.5).
 const SET_CONFIGURATION: [u8; 2] = [0x00, 9];
-/// First two bytes of the other request after which packets start with DATA0.
+/// First two bytes of the request for an interface's setting, after which packets start with DATA0 too.
 const SET_INTERFACE: [u8; 2] = [0x01, 11];
 /// First two bytes of the request that sets the device's address.
 const SET_ADDRESS: [u8; 2] = [0x00, 5];
@@ -158,7 +158,7 @@ impl Control {
         u16::from_le_bytes([low, high])
     }
 
-    /// Returns whether its data are longer than `usb-device` accepts, or may be lost.
+    /// Returns whether the request's data are longer than `usb-device` accepts, or may be lost.
     const fn is_refused(&self) -> bool {
         let announces = !self.is_in() && self.length() > 0;
         announces && (self.length() > LONGEST_DATA || self.has_data_before)
@@ -425,8 +425,8 @@ fn withdraw_buffer() -> bool {
     if was_armed {
         cortex_m::asm::delay(LONGEST_TRANSACTION);
     }
-    // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the register
-    // that is set is cleared.
+    // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the
+    // register that is set is cleared.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
     // The flag in BUFF_STATUS decides: the controller's write to the control word is lost if it came
     // during the withdrawal.
@@ -447,8 +447,8 @@ fn setup_waits() -> bool {
     registers.sie_status().read().setup_rec().bit_is_set()
 }
 
-/// Replaces a setup packet by one that arrived while the driver copied it: that one has lost its flag,
-/// which the driver clears afterwards. Also prepares for its data.
+/// Replaces a setup packet by a later one that arrived while the driver copied it: the later packet has
+/// lost its flag, which the driver clears after the copy. Also prepares for the later packet's data.
 fn take_later_setup(read: &mut [u8; 8]) {
     // SAFETY: only the interrupt of USB writes the words of the buffers; reading these has no effect.
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
@@ -462,7 +462,7 @@ fn take_later_setup(read: &mut [u8; 8]) {
     *read = later.to_le_bytes();
     let [kind, .., least, most] = *read;
     let expects_packet = kind & 0x80 != 0 || [least, most] != [0, 0];
-    // The controller may be about to change the word of a buffer that it owns.
+    // Leaves a buffer that the controller owns: the controller may be about to change its word.
     if expects_packet && !is_armed(OUT_0) && !has_data(OUT_0) {
         let control = memory.ep_buffer_control(OUT_0);
         control.modify(|_, w| w.available_0().set_bit());
@@ -480,9 +480,9 @@ fn refuse_control() {
             .ep_buffer_control(word)
             .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
     }
-    // Runs with interrupts off: the next token follows the setup packet within a few microseconds. A
-    // setup packet that arrives in here is seen in time; one that arrived before is checked first, since
-    // its token may be due. The interrupts that a critical section does not mask may take longer.
+    // Runs with interrupts off, since the next token may follow a setup packet within a few
+    // microseconds. Checks for an earlier setup packet first, since its token may be due, and afterwards
+    // for one that arrived in between. Interrupts that a critical section does not mask may add a delay.
     cortex_m::interrupt::free(|_| {
         if setup_waits() {
             return;
@@ -513,7 +513,7 @@ impl UsbBusTrait for Bus {
 
     fn enable(&mut self) {
         self.hal.enable();
-        // SAFETY: the driver has written this register, and does not again.
+        // SAFETY: the driver has written this register, and does not write it again.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
         registers
             .inte()
@@ -557,14 +557,14 @@ impl UsbBusTrait for Bus {
         if !control.is_in() {
             watch_for_refusal();
             if withdraw_buffer() {
-                // More data than the request announced: no status, so that the host does not take it as
-                // completed.
+                // More data than the request announced: no status is sent, so that the host does not
+                // take the request as completed.
                 refuse_control();
                 return Ok(packet.len());
             }
         }
         // If a setup packet is waiting, this would answer an abandoned request, and the host would take
-        // it as the answer to the next one.
+        // it as the answer to the next request.
         let written = if setup_waits() {
             packet.len()
         } else {

@@ -33,8 +33,8 @@ static TABLE: Table = Table(UnsafeCell::new([0; VECTORS]));
 /// Moves the table to RAM, with the two handlers of the converter bus in it. Both get the highest
 /// priority, above every task, so they never interrupt each other.
 pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
-    // SAFETY: no interrupt is enabled yet; the table in flash has 48 words; the handlers are
-    // functions of the kind that a vector names.
+    // SAFETY: no interrupt is enabled yet; the table in flash has 48 words; the handlers have the type
+    // of functions in a vector table.
     unsafe {
         let table = &mut *TABLE.0.get();
         for (index, vector) in table.iter_mut().enumerate() {
@@ -72,10 +72,10 @@ const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
 /// Masks every other enabled interrupt; returns which were enabled.
 #[inline(never)]
 fn mask() -> u32 {
-    // All interrupts are disabled while some are masked: an interrupt that was just masked cannot be
-    // taken after that.
+    // Disables all interrupts while it masks some: an interrupt that was just masked cannot be taken
+    // after that.
     cortex_m::interrupt::free(|_| {
-        // SAFETY: masking interrupts cannot break anybody's assumptions.
+        // SAFETY: masking interrupts cannot break an assumption of other code.
         let nvic = unsafe { &*NVIC::PTR };
         let enabled = nvic.iser.first().map_or(0, |iser| iser.read()) & !NEVER_MASKED;
         if let Some(icer) = nvic.icer.first() {
@@ -103,8 +103,8 @@ fn unmask(enabled: u32) {
 struct Section;
 critical_section::set_impl!(Section);
 
-// SAFETY: between acquire and release no interrupt runs but the two whose handlers take no
-// critical section and touch nothing that one protects. Only one core runs.
+// SAFETY: between acquire and release only the interrupts of `NEVER_MASKED` run. Their handlers take no
+// critical section and use no data that one protects. Only one core runs.
 unsafe impl critical_section::Impl for Section {
     unsafe fn acquire() -> u32 {
         mask()

@@ -41,8 +41,8 @@ const SHORT: u32 = 200;
 /// Cycles for which a task masks the interrupt for long work, such as a waveform of 48 lines, which
 /// takes 800. Includes bus interrupts that may run meanwhile.
 const LONG: u32 = 1_200;
-/// Maximum number of attempts of a task to mask the interrupt: an attempt takes twenty cycles, so these
-/// take ten periods.
+/// Maximum number of attempts of a task to mask the interrupt. An attempt takes twenty cycles, so all of
+/// them take ten periods.
 const TRIES: u32 = 10 * CYCLES / 20;
 /// Register PWM.CSR: count up and down.
 const PHASE_CORRECT: u32 = 1 << 1;
@@ -51,7 +51,7 @@ const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
 /// Register ADC.CS: enabled, temperature sensor on.
 const POWERED: u32 = 1 | 1 << 1;
 /// Register ADC.FCS: FIFO on, DMA request while the FIFO holds at least one result (datasheet 4.9.2.5).
-/// With a threshold of 0 it would always request, and DMA would copy results that do not exist.
+/// With a threshold of 0 the ADC would always request, and DMA would copy results that do not exist.
 const FIFO_TO_DMA: u32 = 1 | 1 << 3 | 1 << 24;
 /// Register ADC.FCS: the FIFO underflowed or overflowed. Both bits stay set until they are cleared.
 const RESULTS_LOST: u32 = 1 << 10 | 1 << 11;
@@ -91,8 +91,8 @@ struct Control {
 
 struct ControlCell(UnsafeCell<MaybeUninit<Control>>);
 
-// SAFETY: written by `start`, which says so afterwards; then used by the interrupt, which cannot
-// come before, and by tasks while it is masked: `with_drive`.
+// SAFETY: `start` writes it and then sets `IS_STARTED`. Then the interrupt, which cannot run before,
+// uses it, and tasks use it while the interrupt is masked: `masked_for`.
 unsafe impl Sync for ControlCell {}
 
 static CONTROL: ControlCell = ControlCell(UnsafeCell::new(MaybeUninit::uninit()));
@@ -164,7 +164,7 @@ fn begin() {
 /// Restarts ADC and DMA so that every result is in its slot again, while the bridge is off.
 #[inline(never)]
 fn begin_anew() {
-    // SAFETY: what others change here they change in tasks, none of which comes between.
+    // SAFETY: only tasks change these registers, and no other task runs during this function.
     let resets = unsafe { &*RESETS::ptr() };
     resets
         .reset()
@@ -228,7 +228,7 @@ pub fn run(on: bool) {
     if !IS_STARTED.load(Ordering::Acquire) {
         return;
     }
-    // SAFETY: the wraps of no other slice interrupt.
+    // SAFETY: no other slice's wrap triggers this interrupt.
     unsafe {
         let pwm = &*PWM::ptr();
         pwm.intr().write(|w| w.bits(1 << CONTROL_SLICE));
@@ -261,7 +261,7 @@ pub fn last() -> LastPeriod {
     };
     match read() {
         (last, false) => last,
-        // A period that ended meanwhile is counted by then, and the next one does not end so soon.
+        // A period ended during the first read; the second read counts it. No other ends so soon.
         (_, true) => read().0,
     }
 }
@@ -277,8 +277,8 @@ pub fn apply(order: &Order) {
     masked_for(LONG, |drive| drive.apply(order));
 }
 
-/// Gives access to the drive with the interrupt masked for up to `cycles`; starts when the interrupt is
-/// not due for that long.
+/// Gives access to the drive with the interrupt masked for up to `cycles`. Starts when the interrupt is
+/// not due within this time.
 fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     if !IS_STARTED.load(Ordering::Acquire) {
         return None;
@@ -301,14 +301,14 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
         let done = work(&mut control.drive);
         // All changes must be in memory before the interrupt can see them.
         compiler_fence(Ordering::SeqCst);
-        // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
+        // SAFETY: the interrupt was enabled before: `vectors` enables it at start-up.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
         Some(done)
     })
 }
 
-/// Masks the interrupt unless it is pending or its slice has counted to `latest`; returns whether it
-/// did.
+/// Masks the interrupt unless it is pending or its slice has counted to `latest`. Returns whether it is
+/// masked.
 fn mask_before(latest: u32) -> bool {
     NVIC::mask(Interrupt::PWM_IRQ_WRAP);
     cortex_m::asm::dsb();

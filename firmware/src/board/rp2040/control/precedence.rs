@@ -19,8 +19,8 @@ pub const TO_BEGIN: u32 = 360;
 pub const TO_SERVE: u32 = 400;
 
 /// Cycles after the control slice's wrap by which the coil's interrupt has called [`begin`] or is still
-/// pending: the time of its entry, and of a bus interrupt, entered just before, up to that interrupt's
-/// check.
+/// pending. They cover its entry, and a bus interrupt that was entered just before, up to that bus
+/// interrupt's check in [`must_wait`].
 const BEGUN: u32 = 140;
 const CONTROL: Interrupt = Interrupt::PWM_IRQ_WRAP;
 
@@ -60,7 +60,7 @@ pub fn end() {
 #[inline(never)]
 fn release() {
     IS_AWAITED.store(false, Ordering::Relaxed);
-    // The flag is cleared before the bus interrupt is unmasked, after which it can wait again.
+    // Clears the flag before the bus interrupt is unmasked, since that interrupt may set it again.
     compiler_fence(Ordering::SeqCst);
     // SAFETY: this restores the usual state: the interrupt is masked only while its work is deferred.
     unsafe { NVIC::unmask(Interrupt::I2C0_IRQ) };
@@ -68,7 +68,7 @@ fn release() {
 }
 
 /// Returns whether the bus engine must defer work of `cycles`. If so, I2C0_IRQ is masked and is
-/// triggered when the wait ends. For the bus interrupts, and for tasks that mask them.
+/// triggered when the wait ends. Only the bus interrupts, and tasks that mask them, may call it.
 #[inline(always)]
 pub fn must_wait(cycles: u32) -> bool {
     if !IS_ON.load(Ordering::Relaxed) {

@@ -57,9 +57,9 @@ const MARGIN_US: u32 = 200;
 /// Upper bound of the time limit of any transaction, in microseconds.
 const LONGEST_US: u32 = 5_000;
 
-/// Returns the time limit of a transaction in microseconds, from its own start; it is checked every
-/// millisecond. A register takes three commands and five bytes on the wire: address, pointer, address,
-/// and two data bytes.
+/// Returns the time limit of a transaction in microseconds, counted from its start. The limit is checked
+/// every millisecond. A register takes three commands and five bytes on the wire: address, pointer,
+/// address, and two data bytes.
 pub const fn deadline_us(commands: usize) -> u32 {
     let bytes = commands as u32 * 5 / 3 + 2;
     let deadline_us = bytes * BYTE_US + MARGIN_US;
@@ -95,7 +95,7 @@ pub struct Job {
     length: u8,
     bytes: u8,
     address: u8,
-    /// Extent of the first transaction, then of each later one.
+    /// Extent of the first transaction; `later` is that of each later one.
     first: Extent,
     later: Extent,
     /// Time limit of one transaction.
@@ -243,12 +243,12 @@ impl Single {
 struct Reader {
     /// Edges of INTB start the job.
     is_on: bool,
-    /// An edge came while the bus was in use: `late`.
+    /// `late` is an edge that came while the bus was in use.
     is_late: bool,
-    /// Next part of the frame; the next field is its first command, 0 before the frame has started.
+    /// Next part of the frame; `next` is its first command, 0 before the frame has started.
     part: usize,
     next: usize,
-    /// Index of the oldest waiting frame in `frames`; the next field is the number of waiting frames.
+    /// Index of the oldest waiting frame in `frames`; `waiting` is the number of waiting frames.
     first: usize,
     waiting: usize,
     last_edge_us: u32,
@@ -317,7 +317,7 @@ impl Reader {
     fn pass_over(&mut self) {
         let slot = self.slot();
         if let Some(outcome) = self.frames.get_mut(slot) {
-            // Marks every part as never read by an end time so long after the edge that no frame with it
+            // Marks every part as not read: its end time is so long after the edge that no frame with it
             // is in time.
             let never_us = outcome.stamp.time_us.wrapping_sub(1);
             *outcome = TransferOutcome {
@@ -371,8 +371,8 @@ impl Reader {
 #[repr(C)]
 struct Engine {
     runs: Runs,
-    /// Next command of the running transaction; the next fields are the end of its commands, and the
-    /// number of bytes read when it ends.
+    /// Next command of the running transaction; `end` is the end of its commands, and `bytes` the number
+    /// of bytes read when it ends.
     next: usize,
     end: usize,
     bytes: u8,
@@ -390,8 +390,8 @@ struct Engine {
 
 struct Shared(UnsafeCell<Engine>);
 
-// SAFETY: it is reached through `with`, which no interrupt can divide, and from the two handlers,
-// which have the same, highest priority and so never divide one another.
+// SAFETY: accessed only in `with`, during which no interrupt runs, and in the two handlers, which have
+// the same, highest priority and so never interrupt each other.
 unsafe impl Sync for Shared {}
 
 static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
@@ -412,7 +412,7 @@ static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
 #[inline(always)]
 fn with<T>(work: impl FnOnce(&mut Engine) -> T) -> T {
     cortex_m::interrupt::free(|_| {
-        // SAFETY: no interrupt comes between, and no task holds the engine beyond this call.
+        // SAFETY: no interrupt runs meanwhile, and no task keeps a reference beyond this call.
         work(unsafe { &mut *ENGINE.0.get() })
     })
 }
@@ -673,8 +673,8 @@ impl Engine {
         self.take_edges(false);
     }
 
-    /// Stamps pending edges of INTB. If `at_once` is set, it also starts a frame if it may and the bus
-    /// is free: only work deferred for the coil's interrupt can be waiting then.
+    /// Stamps pending edges of INTB. With `at_once`, also starts a frame if it may start and the bus is
+    /// free: on a free bus, only work deferred for the coil's interrupt can be waiting.
     #[inline(always)]
     fn take_edges(&mut self, at_once: bool) {
         let time_us = now_us();
@@ -837,10 +837,10 @@ pub fn take_single<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T
     if !is_over {
         return None;
     }
-    // SAFETY: nothing writes to it until the converter's next single transaction begins, which its master
-    // submits after this one is taken.
+    // SAFETY: no code writes the outcome until the converter's next single transaction begins, which its
+    // master submits after taking this outcome.
     let single = unsafe { (&raw const (*ENGINE.0.get()).singles).cast::<Single>() };
-    // SAFETY: the converter is one of the array's, since it has a transaction; see above.
+    // SAFETY: the index is within the array, since the converter has a transaction; see above.
     let done = work(unsafe { &(*single.add(converter)).outcome });
     with(|engine| {
         if let Some(single) = engine.singles.get_mut(converter) {
@@ -892,7 +892,7 @@ pub fn take_frame<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T)
     })??;
     // SAFETY: the engine writes to no frame that waits.
     let reader = unsafe { (&raw const (*ENGINE.0.get()).readers).cast::<Reader>() };
-    // SAFETY: the converter is one of the array's, since it has a reader; see above.
+    // SAFETY: the index is within the array, since the converter has a reader; see above.
     let frames = unsafe { &(*reader.add(converter)).frames };
     let done = frames.get(first).map(work);
     release_frame(converter);

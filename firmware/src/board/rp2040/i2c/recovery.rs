@@ -49,9 +49,9 @@ pub fn set_up() {
     }
 }
 
-/// Frees the bus and fails its transaction if that exceeds its time limit. A target that was interrupted
-/// within a byte releases SDA after nine clocks at most, and a STOP ends its transaction (I2C
-/// specification 3.1.16).
+/// If the running transaction exceeds its time limit, frees the bus and lets the transaction fail. A
+/// target that was interrupted within a byte releases SDA after nine clocks at most, and a STOP ends its
+/// transaction (I2C specification 3.1.16).
 pub fn clear_overdue() {
     if !engine::begin_recovery() {
         return;
