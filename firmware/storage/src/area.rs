@@ -45,8 +45,8 @@ pub(crate) struct Area<S> {
 }
 
 impl<S: NorFlash> Area<S> {
-    /// Size of a sector in bytes. Its computation checks that sector, read block and word size divide
-    /// each other.
+    /// Size of a sector in bytes. The compiler checks that [`POLL`] is a multiple of the read block, and
+    /// divides a sector.
     const SECTOR: u32 = {
         assert!(POLL.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(POLL));
         S::ERASE_SIZE as u32
@@ -94,8 +94,8 @@ impl<S: NorFlash> Area<S> {
 
     /// Passes the items of a slot to `show` in the order in which they were written, with the generation
     /// of their save, until `show` returns `false`. Returns `false` if the slot cannot be read to its
-    /// end. Writes nothing. The queue leaves out what its checksums find damaged, so the items have to be
-    /// counted.
+    /// end. Does not write. The queue omits items whose checksum is wrong, so the caller has to count
+    /// the items.
     pub(crate) async fn read(
         &mut self,
         slot: Slot,
@@ -199,11 +199,11 @@ async fn show_all<S: NorFlash>(
 type Queue<'a, S> = QueueStorage<Window<'a, S>, Cache<Uncached, Uncached, Uncached>>;
 
 /// A slot as a flash of its own that the queue reads and writes, but does not erase. The queue erases to
-/// repair an apparently interrupted operation of its own, and sectors in which it finds no item; both could
-/// destroy what is stored. It never depends on an erasure, since a slot is erased before a save.
+/// repair an operation of its own that seems interrupted, and erases sectors in which it finds no item.
+/// Both could destroy stored items. It needs no erasure, since a slot is erased before a save.
 struct Window<'a, S> {
     flash: &'a mut S,
-    /// Start address of the slot, and its size.
+    /// Start address of the slot; `size` is the slot's size.
     start: u32,
     size: u32,
     /// Offset in the slot of the window's address 0: the rotation of the queue.

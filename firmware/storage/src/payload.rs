@@ -15,7 +15,7 @@ pub(crate) fn write<T: Serialize>(value: &T) -> Option<Vec<u8, MAX_PAYLOAD>> {
 
 /// Deserialises a value. `None` if the bytes are not exactly one value.
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
-    // Not `take_from_bytes`: the image would keep that function in memory, and this one in flash.
+    // Not `take_from_bytes`: the image would place that function in RAM, but this one is in flash.
     let mut from = postcard::Deserializer::from_bytes(bytes);
     let value = T::deserialize(&mut from).ok()?;
     from.finalize().ok()?.is_empty().then_some(value)

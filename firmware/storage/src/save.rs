@@ -14,7 +14,7 @@ use crate::{Contents, Error, Store, knows, parts, settings};
 
 impl<S: NorFlash> Store<S> {
     /// Begins a save, which replaces the stored set except for items that this firmware does not know.
-    /// Erases the save before the stored one. Abandons a save in progress.
+    /// Erases the other slot, with the set before the stored one. Abandons a save in progress.
     ///
     /// # Errors
     ///
@@ -75,8 +75,8 @@ impl<S: NorFlash> Store<S> {
     ///
     /// [`Error::NotBegun`], [`Error::NotKept`], [`Error::Full`], [`Error::Flash`] and
     /// [`Error::Damaged`]. The previous set remains, unless the flash fails after the seal was written:
-    /// [`contents`](Self::contents) then returns the stored set or, after [`Error::Flash`], opening the
-    /// storage again does.
+    /// [`contents`](Self::contents) then returns which set is stored. After [`Error::Flash`], open the
+    /// storage again to find out.
     pub async fn commit(&mut self) -> Result<(), Error<S::Error>> {
         let mut save = self.save.take().ok_or(Error::NotBegun)?;
         save.keep_up_to(&mut self.area, Key::LAST).await?;
@@ -108,8 +108,8 @@ impl<S: NorFlash> Store<S> {
         self.area.append(slot, generation, &seal).await
     }
 
-    /// Writes a copy of the seal in the slot without the save. Without it a save whose seal is lost would
-    /// look like one that was interrupted, and the set before it like the stored one.
+    /// Writes a copy of the seal in the slot without the save. Without the copy, a save whose seal is
+    /// lost would look like an interrupted one, and the set before it like the stored one.
     async fn copy_seal(
         &mut self,
         slot: Slot,
@@ -134,7 +134,7 @@ pub(crate) struct Save {
     generation: u32,
     /// The stored set that is replaced.
     stored: Option<Located>,
-    /// Number of items so far, and key of the last one.
+    /// Number of items so far; `last` is the key of the last one.
     items: u16,
     last: Option<Key>,
     /// Key of the last item that the caller has put.
@@ -165,7 +165,7 @@ impl Save {
         self.append(area, &item).await
     }
 
-    /// Keeps the stored items before a key that this firmware does not know, one in each pass.
+    /// Copies the stored items before `key` that this firmware does not know, one in each pass.
     async fn keep_up_to<S: NorFlash>(
         &mut self,
         area: &mut Area<S>,
@@ -188,8 +188,8 @@ impl Save {
         }
     }
 
-    /// Returns whether a stored item that the caller did not put is the next of the save, before a key: if
-    /// this firmware does not know it and the save does not replace it.
+    /// Returns whether the save keeps a stored item next, before the key `next`: if this firmware does
+    /// not know the item and the save does not replace it.
     fn keeps(&self, stored: &Item, next: Key) -> bool {
         let is_replaced = |key: Key| key.is_of_one_part(stored.key);
         let is_between = self.last < Some(stored.key) && stored.key < next;

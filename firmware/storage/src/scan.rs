@@ -17,7 +17,7 @@ pub(crate) struct Scan {
     generation: u32,
     /// Key of the last item.
     last: Option<Key>,
-    /// Number of items, and of those that this firmware does not know.
+    /// Number of items; `unknown` is the number of those that this firmware does not know.
     items: u16,
     unknown: u16,
     /// Seal of this slot's save, after its items.

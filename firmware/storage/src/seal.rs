@@ -8,10 +8,10 @@ pub(crate) const NUMBER: u8 = 255;
 /// Version of a seal's layout.
 const VERSION: u8 = 2;
 
-/// Version of the seals with a checksum over all items, which is not read: each item has one of its own.
+/// Version of the seals with a checksum over all items. It is not read, since each item has its own.
 const WITH_CHECKSUM: u8 = 1;
 
-/// Slot whose save a seal completes, as the place in its key: the seal's own, or the other one.
+/// Place in the key of a seal that completes the save of its own slot, then that of the other slot.
 pub(crate) const OF_THIS_SLOT: u8 = 0;
 pub(crate) const OF_OTHER_SLOT: u8 = 2;
 
@@ -24,7 +24,7 @@ pub(crate) struct Seal {
     pub(crate) sum: Option<Sum>,
 }
 
-/// What a save consists of.
+/// Summary of a save.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Sum {
     /// Number of items.

@@ -101,8 +101,8 @@ impl<S: NorFlash> Store<S> {
         Ok(Some(command))
     }
 
-    /// Erases the storage, including unreadable and unknown items. A power cut leaves all or nothing of
-    /// it.
+    /// Erases the storage, including unreadable and unknown items. After a power cut, either all or none
+    /// of it is erased.
     ///
     /// # Errors
     ///

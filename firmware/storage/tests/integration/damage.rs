@@ -13,7 +13,7 @@ fn a_turned_bit_is_found_or_does_no_harm() {
     turn_area(509);
 }
 
-/// Also those of both copies of the seal.
+/// Tests every bit, including those of both copies of the seal.
 #[test]
 fn every_bit_of_a_small_set_is_found_or_does_no_harm() {
     let history = [small(6e3), small(5e3)];
@@ -26,8 +26,8 @@ fn every_bit_of_a_small_set_is_found_or_does_no_harm() {
     assert!(tally.damaged > 500, "{tally:?}");
 }
 
-/// The sectors of a save are lost together with its seal: the other slot holds a copy of the seal. Until
-/// the next save has ended, it stays so.
+/// The sectors of a save are lost together with its seal. The copy of the seal in the other slot shows
+/// the damage until the next save has ended.
 #[test]
 fn a_set_that_is_lost_altogether_is_damaged_and_not_silently_the_one_before() {
     for (loss, new) in [(0x00, small(4e3)), (0xFF, small(4e3)), (0x5A, vec![])] {

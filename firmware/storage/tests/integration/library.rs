@@ -7,7 +7,7 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::support::flash::{Flash, Remnant, SECTOR};
 use crate::support::{now, raw};
 
-/// So this crate counts the items of a set, and keeps two copies of the count.
+/// The queue omits a damaged item without an error, so this crate keeps the item count, in two copies.
 #[test]
 fn an_item_with_a_turned_bit_is_left_out_without_an_error() {
     let mut flash = Flash::<4>::new();
@@ -30,8 +30,8 @@ fn put(flash: &mut Flash, key: u8, value: u32) -> bool {
     now(map(flash).store_item(&mut [0; 128], &key, &value)).is_ok()
 }
 
-/// A map that has filled its sectors moves what it keeps and erases the sector where that was. So this crate
-/// never overwrites the stored set, and erases the slot of a save itself.
+/// A map that has filled its sectors moves the values that it keeps and erases their old sector. So this
+/// crate never overwrites the stored set, and erases the slot of a save itself.
 #[test]
 fn a_map_loses_a_value_that_is_not_written_when_the_power_fails_in_an_erasure() {
     let mut flash = Flash::<4>::new();

@@ -11,7 +11,7 @@ use crate::support::{assert_stored, load, now, open, save};
 enum Step {
     /// Saves the commands whose bit is set.
     Save(u128),
-    /// Saves the commands whose bit is set; the power fails in the operation after this many.
+    /// Saves the commands whose bit is set; the power fails after this number of flash operations.
     SaveCut(u128, u64, usize),
     Start,
     Erase,

@@ -7,7 +7,7 @@ use crate::support::flash::Remnant;
 use crate::support::specimens::{small, typical};
 use crate::support::{assert_stored, open, save, saved};
 
-/// A power cut during a deed leaves the old or the new set, and a following deed succeeds.
+/// A power cut during `deed` leaves the old or the new set, and a following save succeeds.
 fn all_or_nothing(history: &[Configuration], deed: Operation<'_>) {
     let before = saved(history);
     let old = history.last().map_or(&[][..], Vec::as_slice);

@@ -170,7 +170,7 @@ fn after_an_erasure_nothing_is_stored_and_saves_count_from_1() {
     now(store.begin()).unwrap();
     now(store.erase()).unwrap();
     assert_eq!(now(store.commit()), Err(Error::NotBegun));
-    // The seal of an empty set and the mark of its sector, which another erasure leaves.
+    // The seal of an empty set and the mark of its sector remain; another erasure does not change them.
     let used = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
     assert!(used < 80, "{used}");
     flash.take_counts();

@@ -70,8 +70,8 @@ fn known() -> Vec<Command> {
     vec![typical().remove(0), tank(0, 0), coil()]
 }
 
-/// A set of the next version: as this one, with a setting, a part and a chunk that this version does not
-/// know, and a part of a higher version.
+/// A set of the next version: the items of this version, with a setting, a part and a chunk that this
+/// version does not know, and a part of a higher version.
 fn of_next_version(seal_version: u8) -> Flash {
     let mut items = written(known());
     items.extend(unknown());

@@ -100,7 +100,7 @@ impl<const WORD: usize> Flash<WORD> {
         }
     }
 
-    /// Makes the power fail in the write or erase after `after` others.
+    /// Makes the power fail in the next write or erase after `after` others.
     pub(crate) fn cut_after(&mut self, after: u64, remnant: Remnant) {
         self.cut = Some((after, remnant));
         self.random = after + 1;
