@@ -98,10 +98,10 @@ impl Scan {
     /// Returns the current whose stiffening equals that of mean and ripple together: the root of the
     /// mean square.
     ///
-    /// The stiffening is an even function of the current. Its mean over the ripple differs from its
-    /// value at the returned current by at most the fraction 4 s^2/Ic^2 of that value, s being the
-    /// ripple and Ic the current of half the saturated stiffening: 1.2e-3 with 1.2 A peak to peak and 20
-    /// A. Far below saturation, its value at the mean current I differs by the fraction s^2/I^2.
+    /// Let s be the ripple and Ic the current of half the saturated stiffening. The stiffening's mean
+    /// over the ripple differs from its value at the returned current by at most the fraction 4
+    /// s^2/Ic^2: 1.2e-3 with 1.2 A peak to peak and 20 A. Far below saturation, its value at the mean
+    /// current I differs by the fraction s^2/I^2.
     pub(crate) fn acting_current(&self) -> Option<Ampere> {
         let square_a2 = self.square_current_a2()?;
         Some(Ampere(palpate_model::math::sqrt(square_a2)))

@@ -1,8 +1,8 @@
 //! Checks that settings and calibration are still as they were set.
 //!
-//! They stay in RAM for weeks, and one inverted bit of a spring or a curve would falsify every
-//! measurement unnoticed. So each part has a checksum, computed when it is set and compared
-//! periodically.
+//! Settings and calibration stay in RAM for weeks, and one inverted bit of a spring or a curve would
+//! falsify every measurement unnoticed. So each part has a checksum, computed when it is set and
+//! compared periodically.
 
 use palpate_wire::code::Part;
 use palpate_wire::{Command, configuration_crc};

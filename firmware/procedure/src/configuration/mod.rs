@@ -430,7 +430,7 @@ impl Configuration {
     }
 
     /// Returns the largest possible difference between the sensor's temperature and that of its
-    /// calibration, K. If either is unknown, the difference is the largest in a room around 25 degrees
+    /// calibration, K. If either is unknown, returns the largest difference in a room around 25 degrees
     /// Celsius.
     pub(crate) fn away_k(&self, temperature: Option<Celsius>) -> f32 {
         const ROOM_K: f32 = 15.0;

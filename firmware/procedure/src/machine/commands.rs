@@ -86,8 +86,8 @@ impl Procedure {
                 Outcome::Accepted
             }
             Command::ClearFault(of) => match &self.phase {
-                // A device that crashes repeatedly must not drive a coil; a start without a crash ends
-                // this fault.
+                // A device that crashes repeatedly must not drive a coil. Only a start that follows no
+                // crash ends this fault.
                 Phase::Fault(standing)
                     if standing.code == of.code
                         && standing.code == FaultCode::CrashStreak

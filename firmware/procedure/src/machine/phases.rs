@@ -276,8 +276,8 @@ impl Procedure {
         }
     }
 
-    /// Ends a train for calibration. Its effect on an untouched sensor's readings does not enter the
-    /// baseline.
+    /// Ends a train for calibration. The train's effect on an untouched sensor's readings does not enter
+    /// the baseline.
     pub(super) fn swept(&mut self, touched: Option<Instant>, out: &mut Out<'_>) {
         match touched {
             Some(since) => self.go(Phase::Release { since }, out),

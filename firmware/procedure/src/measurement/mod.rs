@@ -23,9 +23,9 @@ pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
 use train::{Train, TrainProfile, TrainSegment};
 
-/// Largest tracking error of the current, as a fraction of the peak current. A larger one means that the
-/// driven profile differs from the one of the stiffening calibration; 2 % of gain error and an
-/// amplifier's non-linearity (sim-host/stacks) are well within.
+/// Largest tracking error of the current, as a fraction of the peak current. A larger error means that
+/// the driven profile differs from that of the stiffening calibration. 2 % of gain error and an
+/// amplifier's non-linearity (sim-host/stacks) are well within this limit.
 const MAX_TRACKING_ERROR: f32 = 0.1;
 
 /// A measurement is refused if more than one conversion in this number is flagged or lost: with so many

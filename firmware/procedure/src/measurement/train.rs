@@ -1,8 +1,8 @@
 //! Train of falling ramps: times and currents of its segments.
 //!
-//! Every ramp starts with a rise to the peak and a hold there, so that all ramps start from the same
-//! magnetic state, and lag and memory of the elastomer are the same on all. Only the falls are
-//! evaluated: a rising current stiffens less, because of the elastomer's memory.
+//! Every ramp starts with a rise to the peak and a hold there. So all ramps start from the same magnetic
+//! state, with the same lag and memory of the elastomer. Only the falls are evaluated: a rising current
+//! stiffens less, because of the elastomer's memory.
 
 use coil_hbridge::CurrentLine;
 use palpate_model::units::Ampere;
@@ -111,9 +111,9 @@ struct Fall {
 /// Train in progress.
 ///
 /// Each segment is sent before it starts, so its start time does not depend on how long sending takes: a
-/// busy processor needs most of a millisecond. With an elastomer that lags the current by five
-/// milliseconds, the estimate of a hard load changes by two per cent if a fall starts half a millisecond
-/// later, relative to its conversions, than in the calibration.
+/// busy processor needs most of a millisecond. The start matters: if an elastomer lags the current by
+/// five milliseconds, a fall that starts half a millisecond later after its conversions than in the
+/// calibration changes the estimate of a hard load by two per cent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
     profile: TrainProfile,

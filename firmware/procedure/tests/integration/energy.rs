@@ -1,5 +1,5 @@
-//! Repeated measurements: one that the drive's account cannot take is refused before it starts, with the
-//! time to wait, and one that has started never ends in a fault of too much energy.
+//! Repeated measurements: if the drive's account cannot take one, it is refused before it starts, with
+//! the time to wait. A measurement that has started never ends in a fault of too much energy.
 
 use crate::support::calibration::{calibration, settings};
 use crate::support::drive::SimulatedDrive;

@@ -160,8 +160,8 @@ fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
                 {
                     falls += 1;
                     assert_eq!(line.from_a, 10.0);
-                    // A fall starts two conversions of 1 ms after the one that triggers it, less the 20
-                    // us by which it precedes the end of a conversion.
+                    // A fall starts two conversions of 1 ms after the conversion that triggers it, less
+                    // the 20 us by which every segment precedes the end of a conversion.
                     assert_eq!(line.start_us - end_us, 2_000 - 20, "{late_us}");
                 }
             }
