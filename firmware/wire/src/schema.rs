@@ -61,7 +61,7 @@ pub struct CodeTable {
 pub struct Entry {
     /// The number; its meaning never changes.
     pub number: u8,
-    /// Its name in text formats.
+    /// Name of the number in text formats.
     pub name: &'static str,
     /// Meaning of the number.
     pub doc: &'static str,
@@ -116,7 +116,7 @@ impl Range {
 pub struct Kind {
     /// Second byte of the frame.
     pub number: u8,
-    /// Its name in text formats.
+    /// Name of the kind in text formats.
     pub name: &'static str,
     /// Purpose of the message.
     pub doc: &'static str,

@@ -27,9 +27,9 @@ fn syndromes() -> Vec<u32> {
     content.chain((0..32).map(|bit| 1 << bit)).collect()
 }
 
-/// A CRC is linear: an error is undetected if the syndromes of its bits add up to zero. Those of one,
-/// three or five bits do not, since each syndrome has an odd number of ones. Those of two or four do
-/// not, since no two pairs of bits have the same sum.
+/// A CRC is linear: an error is undetected if the syndromes of its bits add up to zero. The sum of one,
+/// three or five is not zero, since each syndrome has an odd number of ones. The sum of two or four is
+/// not zero, since no two pairs of bits have the same sum.
 #[test]
 fn it_finds_every_error_of_up_to_five_bits_in_the_longest_frame() {
     let syndromes = syndromes();

@@ -68,8 +68,8 @@ pub(crate) fn typical<T: DeserializeOwned>(kind: &str) -> T {
     serde_json::from_value(record[kind].take()).expect("the type is that of the kind")
 }
 
-/// Reads the typical messages from their committed listing. They are written by hand; all other files
-/// and lines are made from them and from the schema.
+/// Reads the typical messages from their committed listing, which is written by hand. All other files
+/// and lines are made from these messages and from the schema.
 fn typical_messages<M: DeserializeOwned>(what: &str) -> Vec<M> {
     #[derive(Deserialize)]
     struct Numbered {
