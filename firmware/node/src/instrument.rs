@@ -239,8 +239,8 @@ impl Instrument {
         }
     }
 
-    /// Handles a restart request that is not a command. Returns whether the restart is accepted: it is
-    /// not while the storage works.
+    /// Handles a restart request that is not a command. Returns whether the restart is accepted; it is
+    /// refused while the storage works.
     pub fn asked_to_restart<H: Hardware>(
         &mut self,
         hardware: &mut H,

@@ -212,8 +212,8 @@ mod tests {
     use super::*;
 
     /// A conversion has at most 65,535 times 16 clocks: 31.46 ms of one channel at 33.3 MHz, 26.2 ms at
-    /// 40 MHz. The fourth channel of a scan follows three conversions, and a record can represent an
-    /// offset of 65.5 ms. A frame takes 47 bit times per register, a stop, and 10 us of the master.
+    /// 40 MHz. The fourth channel of a scan follows three conversions, and a record represents offsets
+    /// up to 65.5 ms. A frame takes 47 bit times per register, a stop, and 10 us of the master.
     #[test]
     fn the_rates_are_those_of_conversion_record_and_bus() {
         for (channels, with_status, [lowest, highest]) in [

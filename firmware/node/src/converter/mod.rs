@@ -435,7 +435,7 @@ where
         Ok(release)
     }
 
-    /// Lets the converter find the drive of every channel: it depends on the attached sensor.
+    /// Lets the converter find the drive of every channel, which depends on the attached sensor.
     async fn find_drives(&mut self, scheme: &mut Scheme, generation: u32) -> Result<()> {
         self.driver.start(&scheme.configuration).await?;
         let mut delay = Delay(&mut self.port);

@@ -8,8 +8,8 @@ use super::FrameSink;
 
 /// Byte queue of frames. One task sends, another one receives.
 ///
-/// Without a PC it accepts no frame. When a PC opens the link, frames still waiting from before are
-/// discarded and counted: a receiver starts with a whole, recent frame.
+/// Without a PC the queue accepts no frame. When a PC opens the link, frames that still wait are
+/// discarded and counted, so that a receiver starts with a whole, recent frame.
 #[derive(Debug)]
 pub struct FrameQueue<const N: usize> {
     bytes: Queue<u8, N>,

@@ -91,7 +91,7 @@ mod tests {
             let frames = found([0].into_iter().chain([late_us; 300]));
             assert!(ends_at(&frames, 301_700), "{late_us} us late");
         }
-        // One late flag alone; the next ones in time.
+        // A single late flag, followed by flags in time.
         for late_us in [501, 800, 999] {
             assert!(ends_at(&found([0, late_us]), 2_701), "{late_us} us late");
             assert!(ends_at(&found([0, late_us, 0]), 3_700), "{late_us} us late");

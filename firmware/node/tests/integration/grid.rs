@@ -262,7 +262,7 @@ fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     for (channels, rate_hz, with_status) in CASES {
         let bus = Bus::new(channels, rate_hz, with_status).settled();
         // A register may be read if a frame may start 130 us late: the read may start just before the
-        // edge, and takes 48 bit times and the master's overhead. It also needs a turn between two
+        // edge and takes 48 bit times and the master's overhead. It also needs its turn between two
         // frames.
         let fits = latest_begin_us((channels, rate_hz, with_status)) >= 130;
         let turn_us = bus.period_us - bus.frame_us;
