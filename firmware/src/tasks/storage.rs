@@ -51,7 +51,7 @@ impl StorageWork {
 }
 
 /// Works until there is no order left and no report to make, or no space for a report.
-// This function is in flash (build.rs), the idle task is not: nothing may delay its sleep.
+// This function is in flash (build.rs). The idle task is in RAM, so that flash cannot delay its sleep.
 #[inline(never)]
 pub fn storage(work: &mut StorageWork) {
     let StorageWork {

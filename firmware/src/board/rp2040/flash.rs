@@ -246,7 +246,7 @@ fn erase_sector(address: u32) {
     bridge_off();
     // SAFETY: a sector of the area, in which no code lies.
     let erase = || unsafe { rom_data::flash_range_erase(address, SECTOR, BLOCK, ERASE_BLOCK) };
-    // SAFETY: only the storage's code is in flash, and it waits here.
+    // SAFETY: of the code that can run, only the storage's is in flash, and it waits here.
     unsafe { by_commands(erase) }
 }
 

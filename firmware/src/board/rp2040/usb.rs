@@ -100,8 +100,8 @@ fn now_us() -> u32 {
 ///   interrupt would repeat at once, endlessly.
 /// - A request with more data than `usb-device` accepts is refused instead of left without an answer.
 /// - No buffer of endpoint 0 stays armed after a transfer: its packet would be taken for one of the next
-///   transfer, whose setup packet waits for the processor. Nor is the next transfer refused because of
-///   it.
+///   transfer, whose setup packet waits for the processor. The next transfer is not refused because of
+///   such a packet.
 /// - A setup packet from before a bus reset is not answered after it.
 /// - Data beyond the announced length are refused. The waiting status is withdrawn first, or the next
 ///   transfer would receive it.

@@ -104,7 +104,7 @@ struct Section;
 critical_section::set_impl!(Section);
 
 // SAFETY: between acquire and release only the interrupts of `NEVER_MASKED` run. Their handlers take no
-// critical section and use no data that one protects. Only one core runs.
+// critical section and use no data that only a critical section protects. Only one core runs.
 unsafe impl critical_section::Impl for Section {
     unsafe fn acquire() -> u32 {
         mask()

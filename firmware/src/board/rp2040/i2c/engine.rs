@@ -4,9 +4,9 @@
 //! bytes are collected, and an interrupt of lower priority reports its end.
 //!
 //! Each converter's edge reader has its own job. Every falling edge of that converter's INTB starts the
-//! job at once, or as soon as the bus is free, and its bytes are queued with the edge's time until the
-//! reader takes them. So reading a frame starts within a microsecond of the edge, independent of the
-//! tasks, also while they still process the previous frame.
+//! job at once, or as soon as the bus is free. Its bytes are queued with the edge's time until the
+//! reader takes them. So reading a frame starts within a microsecond of the edge, even while the tasks
+//! still process the previous frame.
 //!
 //! Two converters on one bus take turns: a frame then has several parts, each in its own transaction,
 //! and after each part or transaction the other converter goes first.

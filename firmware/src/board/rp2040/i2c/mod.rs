@@ -27,7 +27,7 @@ const DATA: u32 = 1 << 3;
 const ARBITRATION: u32 = 1 << 12;
 
 /// Longest time in microseconds for which a transaction waits for the bus: ten times the longest run
-/// time of one.
+/// time of a transaction.
 const LONGEST_WAIT_US: u32 = 50_000;
 
 /// I2C addresses of the converters.
@@ -237,7 +237,7 @@ impl EdgeReader for Edges {
                 }
                 let edge_us = engine::last_edge_us(self.converter);
                 let is_low = !pins::is_high(pins::intb(self.converter));
-                // Not directly after the last frame, so that other transactions get their turn.
+                // Waits after the last frame, so that other transactions get their turn.
                 let rests = passed_us(edge_us) <= self.deadline_us
                     || passed_us(asked_us) <= self.deadline_us;
                 if is_low && !rests {
