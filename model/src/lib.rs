@@ -17,7 +17,6 @@
 pub mod calibration_curve;
 pub mod contact;
 mod coverage;
-pub mod demagnetising;
 pub mod magnetorheological;
 pub mod math;
 pub mod ramp;

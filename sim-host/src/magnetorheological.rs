@@ -145,6 +145,18 @@ mod tests {
     }
 
     #[test]
+    fn the_peak_of_a_train_wipes_every_memory_out() {
+        for earlier in [0.3, 0.7, 1.0] {
+            let demagnetised = Play::default();
+            let magnetised = demagnetised.follow(earlier).follow(0.0);
+            // A train starts with a rise to the peak; only its falls are evaluated.
+            assert_eq!(magnetised.follow(1.0), demagnetised.follow(1.0));
+        }
+        let [fresh, used] = [0.0, 0.7].map(|earlier| Play::default().follow(earlier).follow(0.4));
+        assert_ne!(fresh, used, "a lower peak would not");
+    }
+
+    #[test]
     fn a_loop_closes_and_a_small_one_stays_inside() {
         let up = |play: Play| play.follow(1.0).follow(0.0);
         assert_eq!(up(Play::default()), up(up(Play::default())));

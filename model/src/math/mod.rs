@@ -9,7 +9,6 @@
 //! The error bounds below are relative to the result, and `tests/integration/math.rs` checks them
 //! against `f64`. Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of the value.
 
-pub mod coarse;
 pub mod student;
 mod wide;
 

@@ -2,7 +2,7 @@
 //! states.
 
 use crate::common::rng::Rng;
-use palpate_model::math::{self, Wide, coarse, student};
+use palpate_model::math::{self, Wide, student};
 
 /// Positive normal numbers between two limits, evenly spaced in their bit patterns.
 fn positives(low: f32, high: f32) -> impl Iterator<Item = f32> {
@@ -14,12 +14,6 @@ fn positives(low: f32, high: f32) -> impl Iterator<Item = f32> {
 /// Positive and negative normal numbers between two limits.
 fn both_signs(low: f32, high: f32) -> impl Iterator<Item = f32> {
     positives(low, high).flat_map(|x| [x, -x])
-}
-
-/// Evenly spaced numbers.
-fn grid(low: f64, high: f64) -> impl Iterator<Item = f32> {
-    const STEPS: u32 = 400_000;
-    (0..=STEPS).map(move |i| (low + (high - low) * f64::from(i) / f64::from(STEPS)) as f32)
 }
 
 /// Asserts that the largest error is below the budget, but above a quarter of it: otherwise the
@@ -38,10 +32,6 @@ fn within(budget: f64, name: &str, errors: impl Iterator<Item = (f32, f64)>) {
 
 fn relative(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> impl Fn(f32) -> (f32, f64) {
     move |x| (x, (f64::from(f(x)) / exact(f64::from(x)) - 1.0).abs())
-}
-
-fn absolute(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> impl Fn(f32) -> (f32, f64) {
-    move |x| (x, (f64::from(f(x)) - exact(f64::from(x))).abs())
 }
 
 #[test]
@@ -103,29 +93,6 @@ fn whole_parts_are_exact() {
     for x in both_signs(1e-10, 1e10) {
         assert_eq!(f64::from(math::floor(x)), f64::from(x).floor());
     }
-}
-
-#[test]
-fn coarse_waveforms() {
-    let sine = |turns: f64| (turns * std::f64::consts::TAU).sin();
-    within(
-        1.2e-3,
-        "sin_turns",
-        grid(-4096.0, 4096.0).map(absolute(coarse::sin_turns, sine)),
-    );
-    within(
-        1.2e-3,
-        "one turn",
-        grid(0.0, 1.0).map(absolute(coarse::sin_turns, sine)),
-    );
-    let decay = |x: f64| (-x).exp();
-    within(
-        8.0e-4,
-        "decay",
-        grid(0.0, 10.0).map(relative(coarse::decay, decay)),
-    );
-    assert_eq!((coarse::decay(-1.0), coarse::decay(81.0)), (1.0, 0.0));
-    assert!(grid(10.0, 80.0).all(|x| coarse::decay(x) >= 0.0 && coarse::decay(x) < 5e-5));
 }
 
 /// Distribution function of Student's t, by Simpson's rule in the angle atan(t/sqrt(n)).

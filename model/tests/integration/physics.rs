@@ -3,7 +3,6 @@
 use crate::common::reference::equation_2;
 use crate::common::rng::Rng;
 use palpate_model::calibration_curve::MonotoneCurve;
-use palpate_model::demagnetising::Burst;
 use palpate_model::magnetorheological::{
     Changed, Factors, Saturating, Stiffening, Tabulated, attraction, deviation,
 };
@@ -218,26 +217,6 @@ fn an_attraction_is_a_part_of_the_regressor() {
 #[test]
 fn a_deviation_is_that_of_the_stiffened_layer() {
     assert!((f64::from(deviation(1.5, 0.25)) - (1.5 / 1.25 - 1.5)).abs() < 1e-7);
-}
-
-#[test]
-fn a_demagnetising_burst_is_what_it_says() {
-    let burst = Burst::new(Ampere(8.0), Second(0.2), Hertz(25.0)).unwrap();
-    let mut worst: f64 = 0.0;
-    for i in 0..200_000 {
-        let t = 2.0 * f64::from(i) / 200_000.0;
-        let t32 = t as f32;
-        let t = f64::from(t32);
-        let exact = (-t / f64::from(0.2f32)).exp() * (t * 25.0 * std::f64::consts::TAU).sin();
-        worst = worst.max((f64::from(burst.current(Second(t32)).0) / 8.0 - exact).abs());
-    }
-    println!("burst off by {worst:.2e} of its amplitude");
-    assert!(worst <= 2.0e-3 && worst > 5e-4);
-    assert_eq!(burst.current(Second(-1.0)), Ampere(0.0));
-    let exact = f64::from(0.2f32) * (8.0f64 / f64::from(0.01f32)).ln();
-    assert!(relative(burst.duration(Ampere(0.01)).0, exact) <= 3.0e-7);
-    assert_eq!(burst.duration(Ampere(9.0)), Second(0.0));
-    assert!(Burst::new(Ampere(0.0), Second(1.0), Hertz(1.0)).is_err());
 }
 
 #[test]

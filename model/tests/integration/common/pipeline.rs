@@ -4,7 +4,6 @@
 
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Detector, Watch};
-use palpate_model::demagnetising::Burst;
 use palpate_model::magnetorheological::{Saturating, Stiffening, Tabulated, attraction, deviation};
 use palpate_model::math::exp_m1;
 use palpate_model::ramp::{
@@ -20,7 +19,7 @@ use palpate_model::units::*;
 pub const READINGS: u32 = 400;
 
 /// Bits of all results that could differ between machines.
-pub type Bits = [u32; 27];
+pub type Bits = [u32; 26];
 
 struct Noise32(u32);
 
@@ -142,12 +141,11 @@ pub fn run(one: f32) -> Option<Bits> {
     let LoadStiffness::Within { high, .. } = claim.stiffness(sensing).ok()? else {
         return None;
     };
-    let burst = Burst::new(Ampere(8.0), Second(0.2), Hertz(25.0)).ok()?;
     let ends = |ratio: &LoadRatio| [ratio.value, ratio.standard_error, ratio.low, ratio.high];
     let [a, b, c, d] = ends(&of_line);
     let [e, f, g, h] = ends(&of_curve);
     let [_, i, j, k] = ends(&claim);
-    let values: [f32; 27] = [
+    let values: [f32; 26] = [
         a,
         b,
         c,
@@ -168,7 +166,6 @@ pub fn run(one: f32) -> Option<Bits> {
         point.force_sigma.0,
         hot.copper.0,
         hot.pad.0,
-        burst.current(Second(0.123)).0,
         detector.baseline().rate(),
         last,
         rise.per_ampere,
