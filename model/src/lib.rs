@@ -17,6 +17,8 @@
 pub mod calibration_curve;
 pub mod contact;
 mod coverage;
+pub mod hardness;
+pub mod indentation;
 pub mod magnetorheological;
 pub mod math;
 pub mod ramp;

@@ -184,6 +184,8 @@ quantity!(/// Stiffness of a spring.
     NewtonPerMetre, "N/m");
 quantity!(/// Electric resistance.
     Ohm, "ohm");
+quantity!(/// Pressure, modulus of elasticity.
+    Pascal, "Pa");
 quantity!(/// Time since an origin that the context names, or a duration.
     Second, "s");
 quantity!(/// Magnetic flux density.
@@ -201,6 +203,7 @@ ratio_scale!(
     Newton,
     NewtonPerMetre,
     Ohm,
+    Pascal,
     Second,
     Tesla,
     Watt

@@ -5,6 +5,8 @@ mod calibration_curve;
 mod common;
 mod contact;
 mod contact_sequences;
+mod hardness;
+mod indentation;
 mod load_curve;
 mod math;
 mod misfit;

@@ -66,6 +66,12 @@ fn exponentials() {
 }
 
 #[test]
+fn arc_tangents() {
+    let all = || both_signs(1e-30, 1e30);
+    within(1.2e-7, "atan", all().map(relative(math::atan, f64::atan)));
+}
+
+#[test]
 fn hypotenuse() {
     let mut rng = Rng::new(1);
     let mut draw = || (10f64.powf(rng.between(-20.0, 20.0)) * (rng.uniform() - 0.5)) as f32;

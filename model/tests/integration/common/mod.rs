@@ -3,6 +3,7 @@
 //! of a reading uses the crate's own sample type.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod layer;
 pub mod linalg;
 pub mod pipeline;
 pub mod plant;
