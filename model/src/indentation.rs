@@ -118,37 +118,36 @@ pub struct OutOfLimit {
 
 impl fmt::Display for OutOfLimit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (what, remedy) = match self.limit {
-            Limit::PinDepth => (
-                "the pin is pressed in to that part of its radius",
-                "use a larger pin",
-            ),
+        let (what, of, remedy) = match self.limit {
+            Limit::PinDepth => ("the pin's depth", "of its radius", "use a larger pin"),
             Limit::BallContact => (
-                "the contact has that part of the ball's radius",
+                "the contact's radius",
+                "of the ball's radius",
                 "use a larger ball",
             ),
             Limit::Thickness => (
-                "the contact's radius is that multiple of the object's thickness",
+                "the contact's radius",
+                "of the object's thickness",
                 "use a smaller tip or a thicker object",
             ),
             Limit::LayerDepth => (
-                "the tip is pressed in to that part of the object's thickness",
+                "the tip's depth",
+                "of the object's thickness",
                 "use a larger tip or a thicker object",
             ),
             Limit::LayerPoissonRatio => {
-                let least = self.limit.value();
+                let (value, least) = (self.value, self.limit.value());
                 return write!(
                     f,
-                    "Poisson's ratio of a thin object is {}; at least {least} is covered: use a thicker object",
-                    self.value
+                    "Poisson's ratio of a thin object is {value}; at least {least} is covered: use a \
+                     thicker object"
                 );
             }
         };
+        let (value, greatest) = (self.value, self.limit.value());
         write!(
             f,
-            "{:.2}: {what}; limit {}: {remedy}",
-            self.value,
-            self.limit.value()
+            "{what} is {value:.2} {of}; at most {greatest} is covered: {remedy}"
         )
     }
 }

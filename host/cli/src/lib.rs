@@ -7,6 +7,7 @@ pub mod failure;
 pub mod finding;
 pub mod in_order;
 pub mod jsonl;
+pub mod modulus;
 pub mod notice;
 pub mod output;
 pub mod page;

@@ -69,11 +69,11 @@ pub(crate) mod tests {
 
     use std::{vec, vec::Vec};
 
-    use palpate_wire::code::Outcome;
+    use palpate_wire::code::{Outcome, TipShape};
     use palpate_wire::command::{
         Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, DeformationKnot, Springs,
         Stiffening, StiffeningCurve, StiffeningKnot, Tank, TemperatureCoefficients,
-        TemperatureEffect,
+        TemperatureEffect, Tip,
     };
 
     use super::*;
@@ -134,7 +134,7 @@ pub(crate) mod tests {
     }
 
     /// Commands for one part, the kind of its record, and bit errors in it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 11] {
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 12] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
@@ -236,6 +236,21 @@ pub(crate) mod tests {
                     let coefficients = of.temperature_coefficients.as_mut().unwrap();
                     invert(&mut coefficients.rise_per_k);
                 }],
+            ),
+            (
+                vec![Command::SetTip(Tip {
+                    shape: TipShape::FlatPin,
+                    radius_m: 3e-3,
+                    radius_uncertainty: 0.01,
+                    thickness_m: 0.0,
+                    thickness_uncertainty: 0.0,
+                    poisson_ratio: 0.5,
+                    poisson_uncertainty: 0.01,
+                    support_m_per_n: 0.0,
+                    support_uncertainty: 0.0,
+                })],
+                0x23,
+                vec![|of| invert(&mut of.tip.as_mut().unwrap().radius_m)],
             ),
         ]
     }

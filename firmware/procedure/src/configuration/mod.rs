@@ -17,7 +17,7 @@ use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings,
-    Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect,
+    Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 
 use crate::answer::{Answer, field};
@@ -47,6 +47,8 @@ pub struct Configuration {
     temperature_effect: Option<TemperatureEffect>,
     current_correction: Option<CurrentCorrection>,
     temperature_coefficients: Option<TemperatureCoefficients>,
+    /// Stored and reported for hosts.
+    tip: Option<Tip>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// Checksums of all items.
@@ -140,6 +142,7 @@ impl Default for Configuration {
             temperature_effect: None,
             current_correction: None,
             temperature_coefficients: None,
+            tip: None,
             identity: None,
             assembly: None,
             sums: [0; ITEMS],
@@ -287,6 +290,10 @@ impl Configuration {
             }
             Command::SetTemperatureCoefficients(coefficients) => {
                 self.temperature_coefficients = Some(coefficients.clone());
+                Outcome::Accepted
+            }
+            Command::SetTip(tip) => {
+                self.tip = Some(tip.clone());
                 Outcome::Accepted
             }
             Command::SetCalibrationIdentity(identity) => {

@@ -4,7 +4,7 @@ use palpate_wire::Command;
 use palpate_wire::code::Part;
 
 /// Parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 12] = [
+pub(super) const PARTS: [Part; 13] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -16,6 +16,7 @@ pub(super) const PARTS: [Part; 12] = [
     Part::TemperatureEffect,
     Part::CurrentCorrection,
     Part::TemperatureCoefficients,
+    Part::Tip,
     // Last, since it is checked against all others.
     Part::CalibrationIdentity,
 ];
@@ -73,11 +74,13 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
         Command::SetTemperatureEffect(_) => part == Part::TemperatureEffect,
         Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
         Command::SetTemperatureCoefficients(_) => part == Part::TemperatureCoefficients,
+        Command::SetTip(_) => part == Part::Tip,
         _ => false,
     }
 }
 
-/// Returns whether a command sets or removes the calibration's identity; setting any part removes it.
+/// Returns whether a command sets or removes the calibration's identity; setting any part but the tip,
+/// which is not calibrated, removes it.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
         SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,

@@ -40,9 +40,14 @@ impl Configuration {
         configuration_crc(self.commands(Cursor::default()))
     }
 
-    /// Returns the CRC-32 over the parts of the calibration, without its identity.
+    /// Returns the CRC-32 over the parts of the calibration, without its identity and the tip.
     pub fn calibration_crc(&self) -> u32 {
-        let is_part = |command: &Command| !matches!(command, Command::SetCalibrationIdentity(_));
+        let is_part = |command: &Command| {
+            !matches!(
+                command,
+                Command::SetCalibrationIdentity(_) | Command::SetTip(_)
+            )
+        };
         configuration_crc(self.commands(Cursor::CALIBRATION).filter(is_part))
     }
 
@@ -93,6 +98,7 @@ impl Configuration {
             Command::SetTemperatureEffect(of) => Record::TemperatureEffect(of),
             Command::SetCurrentCorrection(of) => Record::CurrentCorrection(of),
             Command::SetTemperatureCoefficients(of) => Record::TemperatureCoefficients(of),
+            Command::SetTip(of) => Record::Tip(of),
             Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
         })
@@ -133,6 +139,7 @@ impl Configuration {
             Part::TemperatureCoefficients => {
                 Command::SetTemperatureCoefficients(self.temperature_coefficients.clone()?)
             }
+            Part::Tip => Command::SetTip(self.tip.clone()?),
             Part::CalibrationIdentity => Command::SetCalibrationIdentity(self.identity.clone()?),
             _ => return None,
         })

@@ -3,7 +3,7 @@
 
 use crate::support::Rig;
 use crate::support::calibration::{
-    calibration, settings, temperature_coefficients, temperature_effect,
+    calibration, settings, temperature_coefficients, temperature_effect, tip,
 };
 use crate::support::sensor::Sensor;
 use palpate_procedure::Action;
@@ -105,6 +105,7 @@ fn what_was_set_is_read_back_and_numbered() {
     sent.push(temperature_effect(25.0, 0.001, 0.002));
     sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
     sent.push(temperature_coefficients(-0.001, 0.002));
+    sent.push(tip());
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -140,6 +141,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::TemperatureEffect(of) => Some(Command::SetTemperatureEffect(of)),
         Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
         Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
+        Record::Tip(of) => Some(Command::SetTip(of)),
         _ => None,
     };
     let read: Vec<_> = rig.records.iter().filter_map(as_command).collect();

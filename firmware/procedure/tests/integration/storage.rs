@@ -12,7 +12,7 @@ use palpate_wire::command::{CalibrationIdentity, GetCalibration, Locate, Reboot,
 use palpate_wire::record::{Acknowledgement, Fault, Hello, Storage};
 use palpate_wire::{Command, Record, configuration_crc};
 
-use crate::support::calibration::{calibration, settings};
+use crate::support::calibration::{calibration, settings, tip};
 use crate::support::sensor::Sensor;
 use crate::support::{BOOT, Content, Rig, board, drive_coil, frame};
 
@@ -519,8 +519,11 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
     assert_eq!(desk.send(get.clone()), Outcome::NotSet);
     desk.accepted(identity.clone());
     desk.accepted(get.clone());
-    // The settings are not part of a calibration's hash.
+    // Settings and tip are not part of a calibration's hash.
     desk.accepted(Command::SetSettings(DEFAULT_SETTINGS));
+    desk.accepted(get.clone());
+    desk.accepted(tip());
+    desk.accepted(identity.clone());
     desk.accepted(get.clone());
     for part in &parts[1..] {
         desk.accepted(identity.clone());

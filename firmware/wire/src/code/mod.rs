@@ -19,7 +19,7 @@ mod storage;
 pub use fault::{FaultCode, Location};
 pub use identity::{Board, Chip, ResetCause};
 pub use outcome::Outcome;
-pub use procedure::{Contact, Drift, Mode, Part, State, Stream};
+pub use procedure::{Contact, Drift, Mode, Part, State, Stream, TipShape};
 pub use refusal::RefusalReason;
 pub use storage::{RebootTarget, StorageAction, StorageState};
 

@@ -73,6 +73,16 @@ codes! {
         Raw = 3 "raw",
     }
 
+    /// Shape of the tip on the sensor.
+    pub enum TipShape {
+        /// None is declared: no modulus follows from a stiffness.
+        None = 1 "none",
+        /// Cylinder with a flat face.
+        FlatPin = 2 "flat_pin",
+        /// Sphere.
+        Ball = 3 "ball",
+    }
+
     /// Part of the calibration; its number is the kind of the record that carries it.
     pub enum Part {
         /// A channel's resonator.
@@ -99,5 +109,7 @@ codes! {
         CalibrationIdentity = 0x1B "calibration_identity",
         /// Change of springs and magnetorheological effect with temperature.
         TemperatureCoefficients = 0x1C "temperature_coefficients",
+        /// Tip and object, as declared.
+        Tip = 0x23 "tip",
     }
 }

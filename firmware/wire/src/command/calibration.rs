@@ -1,5 +1,7 @@
 //! Calibration: values measured on this copy of the instrument.
 
+use crate::code::TipShape;
+
 structure! {
     /// The resonator of a channel.
     pub struct Tank {
@@ -123,6 +125,32 @@ structure! {
         springs_per_k: f32 ["1/K", -0.05, 0.05],
         /// Coefficient of the magnetorheological rise.
         rise_per_k: f32 ["1/K", -0.05, 0.05],
+    }
+}
+
+structure! {
+    /// Tip on the sensor and the object that it presses on, as declared. A host computes a modulus from
+    /// them; the device stores and reports them, and computes nothing with them. They are no part of the
+    /// calibration's identity.
+    pub struct Tip {
+        /// Shape of the tip.
+        shape: TipShape,
+        /// Radius of the pin's face or of the ball.
+        radius_m: f32 ["m", 1e-5, 0.1],
+        /// Relative standard uncertainty of the radius.
+        radius_uncertainty: f32 ["1", 0, 1],
+        /// Thickness of the object, whose back is bonded to a rigid base; 0 for a thick object.
+        thickness_m: f32 ["m", 0, 1],
+        /// Relative standard uncertainty of the thickness.
+        thickness_uncertainty: f32 ["1", 0, 1],
+        /// Poisson's ratio that is assumed of the object.
+        poisson_ratio: f32 ["1", 0, 0.5],
+        /// Standard uncertainty of Poisson's ratio.
+        poisson_uncertainty: f32 ["1", 0, 0.5],
+        /// Compliance of what the object stands on, in series with it; 0 for a rigid stand.
+        support_m_per_n: f32 ["m/N", 0, 1],
+        /// Relative standard uncertainty of the stand's compliance.
+        support_uncertainty: f32 ["1", 0, 1],
     }
 }
 

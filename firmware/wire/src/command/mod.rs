@@ -13,7 +13,7 @@ mod settings;
 
 pub use calibration::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, Springs, Stiffening, Tank,
-    TemperatureCoefficients, TemperatureEffect,
+    TemperatureCoefficients, TemperatureEffect, Tip,
 };
 pub use current::{CurrentCorrection, MAX_POINTS};
 pub use curve::{
@@ -103,6 +103,8 @@ messages! {
             SetCalibrationIdentity(CalibrationIdentity) = 0x9B "set_calibration_identity",
             /// Sets the change of springs and magnetorheological rise with temperature. Not while armed.
             SetTemperatureCoefficients(TemperatureCoefficients) = 0x9C "set_temperature_coefficients",
+            /// Declares the tip on the sensor and the object under it. Not while armed.
+            SetTip(Tip) = 0xA3 "set_tip",
             /// Restarts the device, bridge off first. Not during a storage operation.
             Reboot(Reboot) = 0xA1 "reboot",
             /// Identifies this board: its LED flickers for a while.

@@ -4,7 +4,7 @@ use crate::Message;
 use crate::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve,
     Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
-    TemperatureEffect,
+    TemperatureEffect, Tip,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -89,6 +89,8 @@ messages! {
             CalibrationIdentity(CalibrationIdentity) = 0x1B "calibration_identity",
             /// Change of springs and rise with temperature: answer to `get_calibration`.
             TemperatureCoefficients(TemperatureCoefficients) = 0x1C "temperature_coefficients",
+            /// Declared tip and object: answer to `get_calibration`.
+            Tip(Tip) = 0x23 "tip",
         }
     }
 }

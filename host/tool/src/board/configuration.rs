@@ -151,6 +151,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
         Record::TemperatureEffect(of) => Command::SetTemperatureEffect(of),
         Record::CurrentCorrection(of) => Command::SetCurrentCorrection(of),
         Record::TemperatureCoefficients(of) => Command::SetTemperatureCoefficients(of),
+        Record::Tip(of) => Command::SetTip(of),
         Record::CalibrationIdentity(of) => Command::SetCalibrationIdentity(of),
         _ => return None,
     })
@@ -172,7 +173,8 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetAttraction(_)
         | Command::SetTemperatureEffect(_)
         | Command::SetCurrentCorrection(_)
-        | Command::SetTemperatureCoefficients(_) => (kind, 0, 0, 0),
+        | Command::SetTemperatureCoefficients(_)
+        | Command::SetTip(_) => (kind, 0, 0, 0),
         // Comes last, since the device compares the identity with all other parts.
         Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,

@@ -5,9 +5,10 @@ use std::path::Path;
 use std::process::Output;
 
 use palpate_wire::Command as Set;
+use palpate_wire::code::TipShape;
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, DeformationCurve, DeformationKnot, Springs,
-    Stiffening, Tank, TemperatureCoefficients, TemperatureEffect,
+    Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use palpate_wire::configuration_crc;
 use serde_json::Value;
@@ -107,6 +108,17 @@ pub(crate) fn calibration() -> Vec<Set> {
         calibrated_at_c: 23.4,
         hash: configuration_crc(&commands),
     });
+    commands.push(Set::SetTip(Tip {
+        shape: TipShape::Ball,
+        radius_m: 4e-3,
+        radius_uncertainty: 5e-3,
+        thickness_m: 12e-3,
+        thickness_uncertainty: 0.02,
+        poisson_ratio: 0.48,
+        poisson_uncertainty: 0.01,
+        support_m_per_n: 2e-5,
+        support_uncertainty: 0.05,
+    }));
     commands.push(identity);
     commands
 }

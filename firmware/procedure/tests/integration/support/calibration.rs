@@ -2,9 +2,10 @@
 
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
+use palpate_wire::code::TipShape;
 use palpate_wire::command::{
     Attraction, Coil, Crosstalk, DeformationCurve, DeformationKnot, Settings, Springs, Stiffening,
-    TemperatureCoefficients, TemperatureEffect,
+    TemperatureCoefficients, TemperatureEffect, Tip,
 };
 
 use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
@@ -102,6 +103,20 @@ pub(crate) fn temperature_coefficients(springs_per_k: f32, rise_per_k: f32) -> C
     Command::SetTemperatureCoefficients(TemperatureCoefficients {
         springs_per_k,
         rise_per_k,
+    })
+}
+
+pub(crate) fn tip() -> Command {
+    Command::SetTip(Tip {
+        shape: TipShape::Ball,
+        radius_m: 4e-3,
+        radius_uncertainty: 5e-3,
+        thickness_m: 12e-3,
+        thickness_uncertainty: 0.02,
+        poisson_ratio: 0.48,
+        poisson_uncertainty: 0.01,
+        support_m_per_n: 2e-5,
+        support_uncertainty: 0.05,
     })
 }
 

@@ -1,7 +1,7 @@
 //! Typical configurations.
 
 use palpate_wire::Command;
-use palpate_wire::code::{Drift, Stream};
+use palpate_wire::code::{Drift, Stream, TipShape};
 use palpate_wire::command::*;
 
 /// Settings that differ from the defaults.
@@ -201,6 +201,17 @@ pub(crate) fn fullest() -> Vec<Command> {
             rise_per_k: 4e-3,
         },
     ));
+    commands.push(Command::SetTip(Tip {
+        shape: TipShape::Ball,
+        radius_m: 4e-3,
+        radius_uncertainty: 5e-3,
+        thickness_m: 12e-3,
+        thickness_uncertainty: 0.02,
+        poisson_ratio: 0.48,
+        poisson_uncertainty: 0.01,
+        support_m_per_n: 2e-5,
+        support_uncertainty: 0.05,
+    }));
     commands.extend(identity);
     commands
 }

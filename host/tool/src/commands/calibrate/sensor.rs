@@ -400,7 +400,7 @@ pub(crate) fn put_in_force(
     let is_part = |command: &Command| {
         !matches!(
             command,
-            Command::SetSettings(_) | Command::SetCalibrationIdentity(_)
+            Command::SetSettings(_) | Command::SetTip(_) | Command::SetCalibrationIdentity(_)
         )
     };
     let mut parts = configuration::read(link)?;

@@ -7,11 +7,11 @@ use ldc161x_sim::Settings as ChipSettings;
 use palpate_emulator::{EmulatedBoard, FlashOperation, FlashOperationKind, Options, Plant, Still};
 use palpate_emulator::{FlashTimes, Time};
 use palpate_wire::code::{
-    Drift, FaultCode, Outcome, RebootTarget, StorageAction, StorageState, Stream,
+    Drift, FaultCode, Outcome, RebootTarget, StorageAction, StorageState, Stream, TipShape,
 };
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK,
-    Reboot, Settings, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect,
+    Reboot, Settings, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use palpate_wire::{Command, Record, configuration_crc, record};
 
@@ -115,11 +115,23 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
             rise_per_k: 2e-3 * scale,
         }),
     ]);
+    let hash = configuration_crc(&commands[1..]);
+    commands.push(Command::SetTip(Tip {
+        shape: TipShape::FlatPin,
+        radius_m: 3e-3 * scale,
+        radius_uncertainty: 0.01,
+        thickness_m: 0.0,
+        thickness_uncertainty: 0.0,
+        poisson_ratio: 0.5,
+        poisson_uncertainty: 0.01,
+        support_m_per_n: 0.0,
+        support_uncertainty: 0.0,
+    }));
     commands.push(Command::SetCalibrationIdentity(CalibrationIdentity {
         id: number,
         calibrated_at_s: 1_795_000_000 + number,
         calibrated_at_c: 23.0,
-        hash: configuration_crc(&commands[1..]),
+        hash,
     }));
     commands
 }
