@@ -26,6 +26,7 @@
 
 use std::path::Path;
 
+use crate::mechanics::indented::{Indented, Material, Tip};
 use crate::mechanics::load::Load;
 use crate::stack::document::{FileError, TableSection};
 use crate::stack::quantity::Allowed;
@@ -61,11 +62,15 @@ pub struct Press {
 }
 
 const KEYS: [&str; 4] = ["stack", "disturbances", "except", "press"];
-const PRESS_KEYS: [&str; 7] = [
+const PRESS_KEYS: [&str; 11] = [
     "name",
     "load",
     "stiffness_N_per_m",
     "cubic_N_per_m3",
+    "radius_m",
+    "modulus_Pa",
+    "poisson_ratio",
+    "thickness_m",
     "depth_m",
     "speed_m_per_s",
     "holder",
@@ -74,6 +79,11 @@ const PRESS_KEYS: [&str; 7] = [
 /// Allowed stiffness, as for [`Load`].
 const STIFFNESS: Allowed = Allowed::new(1.0, 1e10, "N/m");
 const CUBIC: Allowed = Allowed::new(0.0, 1e20, "N/m^3");
+/// Allowed tip and object, as for [`Indented`].
+const RADIUS: Allowed = Allowed::new(1e-5, 0.1, "m");
+const MODULUS: Allowed = Allowed::new(1e3, 1e10, "Pa");
+const POISSON: Allowed = Allowed::new(0.0, 0.5, "");
+const THICKNESS: Allowed = Allowed::new(1e-4, 1.0, "m");
 /// Allowed depth, as in a stack file.
 const DEPTH: Allowed = Allowed::new(1e-6, 0.8e-3, "m");
 /// Allowed speed: from a press of a minute to a press of a few conversions.
@@ -148,33 +158,59 @@ fn press(section: &TableSection<'_>) -> Result<Press, FileError> {
 }
 
 fn load(section: &TableSection<'_>) -> Result<Load, FileError> {
-    let kinds = ["spring", "hardening", "rigid"];
+    const OF_A_SPRING: [&str; 1] = ["stiffness_N_per_m"];
+    const OF_HARDENING: [&str; 2] = ["stiffness_N_per_m", "cubic_N_per_m3"];
+    const OF_A_TIP: [&str; 4] = ["radius_m", "modulus_Pa", "poisson_ratio", "thickness_m"];
+    let kinds = ["spring", "hardening", "pin", "ball", "rigid"];
     let kind = section.choice("load", &kinds.map(|kind| (kind, kind)))?;
     let stiffness = |key| section.number_within(key, &STIFFNESS);
-    let (load, others) = match kind {
+    let (load, keys) = match kind {
         "spring" => {
             let n_per_m = stiffness("stiffness_N_per_m")?;
-            (Load::Spring { n_per_m }, &["cubic_N_per_m3"][..])
+            (Load::Spring { n_per_m }, &OF_A_SPRING[..])
         }
         "hardening" => {
             let load = Load::Hardening {
                 n_per_m: stiffness("stiffness_N_per_m")?,
                 cubic_n_per_m3: section.number_within("cubic_N_per_m3", &CUBIC)?,
             };
-            (load, &[][..])
+            (load, &OF_HARDENING[..])
         }
-        _ => (Load::Rigid, &["stiffness_N_per_m", "cubic_N_per_m3"][..]),
+        "pin" => (indented(section, Tip::Pin)?, &OF_A_TIP[..]),
+        "ball" => (indented(section, Tip::Ball)?, &OF_A_TIP[..]),
+        _ => (Load::Rigid, &[][..]),
     };
-    for key in others {
+    let others = OF_HARDENING.iter().chain(&OF_A_TIP);
+    for key in others.filter(|key| !keys.contains(key)) {
         section.refuse(key, &format!("nothing, with load = {kind:?}"))?;
     }
     Ok(load)
+}
+
+fn indented(section: &TableSection<'_>, tip: Tip) -> Result<Load, FileError> {
+    let number = |key, allowed| section.number_within(key, allowed);
+    let material = Material {
+        young_pa: number("modulus_Pa", &MODULUS)?,
+        poisson_ratio: number("poisson_ratio", &POISSON)?,
+        thickness_m: section
+            .if_given("thickness_m", |key| section.number_within(key, &THICKNESS))?,
+    };
+    let radius_m = number("radius_m", &RADIUS)?;
+    Ok(Load::Indented(Indented::new(tip, radius_m, material)))
 }
 
 fn describe(load: &Load) -> String {
     match load {
         Load::Spring { n_per_m } => format!("{} N/mm", n_per_m * 1e-3),
         Load::Hardening { n_per_m, .. } => format!("{} N/mm, hardening", n_per_m * 1e-3),
+        Load::Indented(object) => {
+            let tip = match object.tip {
+                Tip::Pin => "pin",
+                Tip::Ball => "ball",
+            };
+            let kpa = object.material.young_pa * 1e-3;
+            format!("{tip} of {} mm on {kpa} kPa", object.radius_m * 1e3)
+        }
         Load::Rigid => "block".to_owned(),
     }
 }

@@ -233,6 +233,13 @@ impl Hardness {
 }
 
 impl Evaluated {
+    /// Formats the modulus and, in a second line, the hardness.
+    pub fn lines(&self) -> impl Iterator<Item = String> {
+        [Some(self.modulus()), self.hardness()]
+            .into_iter()
+            .flatten()
+    }
+
     /// Formats the modulus with its interval, or says why there is none.
     pub fn modulus(&self) -> String {
         match self {

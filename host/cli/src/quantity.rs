@@ -37,6 +37,36 @@ pub fn load(text: &str) -> Result<f64, String> {
     within(least, most, "")(text)
 }
 
+/// Parses a length in m: `3mm` or `0.003m`.
+pub fn length(text: &str) -> Result<f64, String> {
+    let value = with_unit(text, &[("mm", 1e-3), ("m", 1.0)]);
+    let value = value.filter(|of_m| (1e-5..=0.1).contains(of_m));
+    value.ok_or_else(|| "allowed: a length from 0.01mm to 0.1m, as 3mm".to_owned())
+}
+
+/// Parses a stiffness in N/m: `60N/mm` or `60000N/m`.
+pub fn spring(text: &str) -> Result<f64, String> {
+    let value = with_unit(text, &[("N/mm", 1e3), ("N/m", 1.0)]);
+    let value = value.filter(|of_n_per_m| (1.0..=1e10).contains(of_n_per_m));
+    value.ok_or_else(|| "allowed: a stiffness from 1N/m, as 60N/mm".to_owned())
+}
+
+/// Parses a part of a whole: `2%` or `0.02`.
+pub fn part(text: &str) -> Result<f64, String> {
+    let value = with_unit(text, &[("%", 1e-2), ("", 1.0)]);
+    let value = value.filter(|of| (0.0..=1.0).contains(of));
+    value.ok_or_else(|| "allowed: 0 to 1, or 0% to 100%".to_owned())
+}
+
+/// Parses a number with the first of the units that it ends with, each with its factor.
+fn with_unit(text: &str, units: &[(&str, f64)]) -> Option<f64> {
+    let mut units = units.iter();
+    let found = units.find_map(|(unit, factor)| Some((text.trim().strip_suffix(unit)?, factor)));
+    let (number, factor) = found?;
+    let number: f64 = number.trim_end().parse().ok()?;
+    Some(number * factor)
+}
+
 /// Parses `40000000`, `40M`, `400k` into a whole number of units.
 pub fn whole(text: &str) -> Result<u32, String> {
     let allowed = "a number like 40000000, 400k or 2.9M";
@@ -89,6 +119,21 @@ mod tests {
             assert!(duration(text).is_err() && load(text).is_err(), "{text}");
         }
         assert!(load("0").is_err());
+    }
+
+    #[test]
+    fn lengths_stiffnesses_and_parts_have_units() {
+        assert_eq!(length("3mm"), Ok(3.0 * 1e-3));
+        assert_eq!(length(" 0.003 m"), Ok(0.003));
+        assert_eq!(spring("60N/mm"), Ok(60e3));
+        assert_eq!(spring("5e4 N/m"), Ok(5e4));
+        assert_eq!(part("2%"), Ok(2.0 * 1e-2));
+        assert_eq!(part("0.02"), Ok(0.02));
+        for text in ["3", "3um", "200mm", "nanmm", "-1mm", "mm"] {
+            assert!(length(text).is_err(), "{text}");
+        }
+        assert!(spring("60").is_err() && spring("0N/mm").is_err());
+        assert!(part("101%").is_err() && part("x").is_err());
     }
 
     #[test]

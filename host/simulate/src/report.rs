@@ -2,7 +2,7 @@
 
 use palpate_cli::failure::Failure;
 use palpate_cli::plot::{Axis, BLUE, Chart, GREY, Marks, ORANGE, Series};
-use palpate_cli::report::{Report, Row, Section, Story, charts};
+use palpate_cli::report::{Measurement, Report, Row, Section, Story, charts};
 use palpate_wire::{Command, Record};
 
 use crate::instrument::CalibratedInstrument;
@@ -62,7 +62,7 @@ fn section(in_force: &[Record], measured: &Measured) -> Section {
     let truth = |force_n| measured.pressed.displacement_m(force_n);
     Section {
         heading: format!("{}: {}", measured.load, sentence(measured)),
-        text: measurement.and_then(|of| of.limited_by.clone()),
+        text: measurement.map_or(Vec::new(), Measurement::text),
         charts: charts::of_measurement(&story, measurement, Some(&truth)),
     }
 }

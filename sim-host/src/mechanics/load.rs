@@ -1,5 +1,7 @@
 //! The object that is pressed on the sensor.
 
+use super::indented::Indented;
+
 /// A load spring without memory.
 ///
 /// ```
@@ -24,6 +26,8 @@ pub enum Load {
         /// k, N/m³, 0 to 10²⁰.
         cubic_n_per_m3: f64,
     },
+    /// An elastic object under a tip.
+    Indented(Indented),
     /// A rigid object.
     Rigid,
 }
@@ -38,6 +42,7 @@ impl Load {
                 n_per_m,
                 cubic_n_per_m3,
             } => x_m * (n_per_m + cubic_n_per_m3 * x_m * x_m),
+            Self::Indented(object) => object.force_n(x_m),
             Self::Rigid if x_m == 0.0 => 0.0,
             Self::Rigid => f64::INFINITY,
         }
@@ -52,6 +57,7 @@ impl Load {
                 n_per_m,
                 cubic_n_per_m3,
             } => cubic_root(n_per_m, cubic_n_per_m3, force_n),
+            Self::Indented(object) => object.displacement_m(force_n),
             Self::Rigid => 0.0,
         }
     }
@@ -73,6 +79,7 @@ impl Load {
                 compliance_m_per_n * cubic_n_per_m3,
                 total_m,
             ),
+            Self::Indented(object) => return object.in_series(total_m, compliance_m_per_n),
             Self::Rigid => return (0.0, total_m / compliance_m_per_n),
         };
         (x_m, self.force_n(x_m))
@@ -87,6 +94,7 @@ impl Load {
                 n_per_m,
                 cubic_n_per_m3,
             } => 1.0 / (n_per_m + 3.0 * cubic_n_per_m3 * x_m * x_m),
+            Self::Indented(object) => object.compliance_m_per_n(x_m),
             Self::Rigid => 0.0,
         }
     }
@@ -103,6 +111,7 @@ impl Load {
                 let square = x_m * x_m;
                 square * (0.5 * n_per_m + 0.25 * cubic_n_per_m3 * square)
             }
+            Self::Indented(object) => object.energy_j(x_m),
             Self::Rigid => 0.0,
         }
     }
@@ -126,6 +135,16 @@ fn cubic_root(a: f64, b: f64, c: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mechanics::indented::{Material, Tip};
+
+    fn indented(tip: Tip, thickness_m: Option<f64>) -> Load {
+        let material = Material {
+            young_pa: 0.75e6,
+            poisson_ratio: 0.5,
+            thickness_m,
+        };
+        Load::Indented(Indented::new(tip, 8e-3, material))
+    }
 
     #[test]
     fn roots_are_roots_from_soft_to_hard() {
@@ -146,6 +165,9 @@ mod tests {
                 n_per_m: 3e3,
                 cubic_n_per_m3: 5e10,
             },
+            indented(Tip::Pin, None),
+            indented(Tip::Ball, None),
+            indented(Tip::Ball, Some(4e-3)),
         ] {
             let x = 0.37e-3;
             let force = load.force_n(x);

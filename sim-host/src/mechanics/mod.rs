@@ -15,12 +15,13 @@
 //! that the layer carries F − J, and a pull P of the actuating coils on the load, so that the load
 //! and the frame carry F − P.
 //!
-//! [`load`] is the object, [`layer`] a layer with its creep, [`friction`] the stick-slip element,
+//! [`load`] is the object, [`indented`] one under a tip, [`layer`] a layer with its creep, [`friction`] the stick-slip element,
 //! [`chain`] the balance, [`energy`] the balance of work, [`press`] the motion of the press.
 
 pub mod chain;
 pub mod energy;
 pub mod friction;
+pub mod indented;
 pub mod layer;
 pub mod load;
 pub mod press;

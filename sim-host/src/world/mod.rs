@@ -461,6 +461,18 @@ fn check_setup(setup: &Setup) -> Result<(), ParameterError> {
             within("load n_per_m", n_per_m, 1.0, 1e10)?;
             within("load cubic_n_per_m3", cubic_n_per_m3, 0.0, 1e20)
         }
+        Load::Indented(object) => {
+            within("load radius_m", object.radius_m, 1e-5, 0.1)?;
+            let material = &object.material;
+            within("load young_pa", material.young_pa, 1e3, 1e10)?;
+            within("load poisson_ratio", material.poisson_ratio, 0.0, 0.5)?;
+            within(
+                "load thickness_m",
+                material.thickness_m.unwrap_or(1.0),
+                1e-4,
+                1.0,
+            )
+        }
         Load::Rigid => Ok(()),
     }
 }

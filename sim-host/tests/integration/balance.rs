@@ -2,6 +2,7 @@
 
 use crate::common::*;
 use palpate_sim::mechanics::friction::FrictionParameters;
+use palpate_sim::mechanics::indented::{Indented, Material, Tip};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
@@ -72,6 +73,15 @@ fn they_hold_with_friction_and_a_pull_on_the_load() {
             n_per_m: 5e3,
             cubic_n_per_m3: 4e11,
         },
+        Load::Indented(Indented::new(
+            Tip::Ball,
+            8e-3,
+            Material {
+                young_pa: 0.75e6,
+                poisson_ratio: 0.48,
+                thickness_m: Some(6e-3),
+            },
+        )),
     ] {
         let setup = Setup {
             load,

@@ -43,8 +43,8 @@ pub struct Row {
 pub struct Section {
     /// Name and result.
     pub heading: String,
-    /// What limits the result.
-    pub text: Option<String>,
+    /// Modulus and hardness, and what limits the result: a paragraph each.
+    pub text: Vec<String>,
     /// Its charts.
     pub charts: Vec<Chart>,
 }
@@ -87,7 +87,7 @@ fn section(section: &Section) -> Result<Markup, Failure> {
     Ok(html! {
         section {
             h2 { (section.heading) }
-            @if let Some(text) = &section.text { p { (text) } }
+            @for text in &section.text { p { (text) } }
             div.charts { (charts) }
         }
     })

@@ -4,6 +4,7 @@ use palpate_wire::Record;
 use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 
 use crate::describe::limited_by;
+use crate::modulus::{DeclaredTip, Evaluated};
 use crate::train_line::{Train, TrainLine};
 
 /// Time that the charts show before a measurement's result, s. For a short press it includes the
@@ -20,6 +21,7 @@ pub struct Story {
     /// Measurements in order of time.
     pub measurements: Vec<Measurement>,
     train: Train,
+    declared: DeclaredTip,
     /// Largest cause of the next result's interval.
     limited_by: Option<String>,
 }
@@ -33,6 +35,8 @@ pub struct Measurement {
     pub result: Result<Estimate, Refusal>,
     /// Largest cause of the interval, if the board reported it.
     pub limited_by: Option<String>,
+    /// Modulus of the object, or why there is none; `None` if no tip is declared.
+    pub modulus: Option<Evaluated>,
     /// The line of its ramps.
     pub line: Option<TrainLine>,
     /// Points of the load's curve.
@@ -40,6 +44,12 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// Modulus and hardness, and what limits the result.
+    pub fn text(&self) -> Vec<String> {
+        let modulus = self.modulus.iter().flat_map(Evaluated::lines);
+        modulus.chain(self.limited_by.clone()).collect()
+    }
+
     /// Whether a time, s, is within the measurement's shown range.
     pub fn shows(&self, time_s: f64) -> bool {
         (self.at_s - BEFORE_S..=self.at_s + AFTER_S).contains(&time_s)
@@ -51,11 +61,13 @@ impl Story {
     /// force.
     pub fn boot(&mut self, in_force: &[Record]) {
         self.train = Train::with(in_force);
+        self.declared = DeclaredTip::with(in_force);
     }
 
     /// Takes the next record with its time, s.
     pub fn take(&mut self, at_s: f64, record: Record) {
         let line = self.train.take(at_s, &record);
+        self.declared.take(&record);
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
             Record::UncertaintyBudget(budget) => self.limited_by = Some(limited_by(&budget)),
@@ -71,8 +83,10 @@ impl Story {
     }
 
     fn ended(&mut self, at_s: f64, result: Result<Estimate, Refusal>, line: Option<TrainLine>) {
+        let estimate = result.as_ref().ok();
         self.measurements.push(Measurement {
             at_s,
+            modulus: estimate.and_then(|of| self.declared.evaluate(of)),
             result,
             limited_by: self.limited_by.take(),
             line,

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use palpate_cli::failure::Failure;
+use palpate_cli::modulus::DeclaredTip;
 use palpate_wire::code::{Outcome, Part};
 use palpate_wire::command::{GetCalibration, Settings};
 use palpate_wire::{Command, Message, Record, configuration_crc};
@@ -116,6 +117,21 @@ pub(crate) fn read_part(
         }
         link.listen(POLL)?;
     }
+}
+
+/// Reads the tip of a board, with the springs that a modulus needs.
+///
+/// # Errors
+/// As of [`read_part`].
+pub(crate) fn declared_tip(link: &mut Link) -> Result<DeclaredTip, Failure> {
+    let mut declared = DeclaredTip::default();
+    for part in [Part::Tip, Part::Springs] {
+        for question in questions_for(part) {
+            let records = read_part(link, &question)?;
+            records.iter().for_each(|record| declared.take(record));
+        }
+    }
+    Ok(declared)
 }
 
 /// Whether all records of a part have arrived; a curve ends with its last knot.

@@ -8,6 +8,7 @@ use palpate_cli::describe;
 use palpate_cli::describe::stiffness;
 use palpate_cli::describe::{budget_of, limited_by};
 use palpate_cli::failure::Failure;
+use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_cli::notice;
 use palpate_cli::quantity;
 use palpate_wire::code::State;
@@ -15,6 +16,7 @@ use palpate_wire::record::Estimate;
 use palpate_wire::{Command, Record};
 use serde::Serialize;
 
+use crate::board::configuration::declared_tip;
 use crate::board::link::{self, Link, Run};
 
 /// Measure the stiffness of what is pressed upon a board's sensor
@@ -74,6 +76,9 @@ struct MeasurementLine {
     total_displacement_m: f32,
     temperature_c: Option<f32>,
     configuration_crc: u32,
+    /// Modulus of the object with its hardness, or why there is none; absent if no tip is declared.
+    #[serde(flatten)]
+    modulus: Option<Evaluated>,
     /// Largest cause of the interval, and how to reduce it.
     #[serde(skip_serializing_if = "Option::is_none")]
     limited_by: Option<String>,
@@ -90,6 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return measured_before(arguments, &mut link);
     }
     let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
+    let declared = declared_tip(&mut link)?;
     arm(&mut link)?;
     for _ in 0..arguments.times {
         if usual.is_none() {
@@ -98,6 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let estimate = measured(&mut link, arguments.wait)?;
         let simulated = arguments.link.is_simulated(&link);
         let line = MeasurementLine {
+            modulus: declared.evaluate(&estimate),
             limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
             true_n_per_m: truth(&mut link),
             ..MeasurementLine::of(&estimate, simulated, configuration_crc)
@@ -138,6 +145,7 @@ impl MeasurementLine {
             total_displacement_m: estimate.total_displacement_m,
             temperature_c: estimate.temperature_c,
             configuration_crc,
+            modulus: None,
             limited_by: None,
             true_n_per_m: None,
         }
@@ -149,15 +157,18 @@ impl MeasurementLine {
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
     let mut cause = None;
+    let mut declared = DeclaredTip::default();
     while let Ok(()) = link.listen(PLAYED) {
         let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
         let simulated = arguments.link.is_simulated(link);
         for (_, record) in link.take_records() {
+            declared.take(&record);
             match record {
                 Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
                 Record::Estimate(estimate) => {
                     estimates += 1;
                     let line = MeasurementLine {
+                        modulus: declared.evaluate(&estimate),
                         limited_by: cause.take(),
                         ..MeasurementLine::of(&estimate, simulated, configuration_crc)
                     };
@@ -232,6 +243,11 @@ fn print(line: &MeasurementLine, json: bool) -> Result<(), Failure> {
         write!(out, "; simulated, truly {}", stiffness(true_n_per_m))?;
     }
     writeln!(out)?;
+    if let Some(modulus) = &line.modulus {
+        modulus
+            .lines()
+            .try_for_each(|text| writeln!(out, "  {text}"))?;
+    }
     match &line.limited_by {
         Some(cause) => Ok(writeln!(out, "  {cause}")?),
         None => Ok(()),

@@ -64,6 +64,16 @@ impl Step {
 }
 
 impl Column {
+    /// Creates a column of a computed table, whose rows are flat.
+    pub(super) fn computed(name: &'static str, of: Type, unit: &'static str) -> Self {
+        Self {
+            name: name.to_owned(),
+            of,
+            unit,
+            path: vec![Step::Field(name)],
+        }
+    }
+
     /// Returns the value in a record; `None` if absent.
     pub(super) fn value<'v>(&self, payload: &'v Value) -> Option<&'v Value> {
         let mut steps = self.path.iter();

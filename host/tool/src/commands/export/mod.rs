@@ -2,6 +2,7 @@
 
 mod columns;
 mod comma;
+mod modulus;
 mod parquet;
 mod table;
 
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use columns::{Column, Used};
 use palpate_cli::failure::Failure;
+use palpate_cli::modulus::DeclaredTip;
 use palpate_cli::notice;
 use palpate_cli::output::OutputFile;
 use palpate_wire::Message;
@@ -33,6 +35,9 @@ empty. docs/protocol.md names every field.
 
 CSV has the times as seconds since 1970, host_time_s and device_time_s. Parquet has them as time stamps, \
 host_time and device_time, and the units of the columns in its metadata, which pandas shows as attrs.
+
+With a declared tip there is a table modulus too, computed anew: modulus and Shore hardness of each \
+estimate, or the reason why there is none.
 
 A recording that was cut off is read as far as it goes.
 
@@ -84,11 +89,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs =
         outputs.map(|(format, folder)| Tables::create(format, folder, &used, &arguments.file));
     let mut outputs: Vec<Tables> = outputs.collect::<Result<_, _>>()?;
+    let mut declared = DeclaredTip::default();
     for entry in &mut Reader::open(&arguments.file)? {
         if let Entry::Frame(recorded) = entry {
+            let message = &recorded.frame.message;
             let payload = payload(&recorded)?;
+            let modulus = modulus::row(&mut declared, message);
             for tables in &mut outputs {
-                tables.add(&recorded, &payload)?;
+                tables.add(message.name(), &recorded, &payload)?;
+                if let Some(row) = &modulus {
+                    tables.add(modulus::TABLE, &recorded, row)?;
+                }
             }
         }
     }
@@ -99,11 +110,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
     let mut reader = Reader::open(file)?;
     let mut used: BTreeMap<&'static str, Used> = BTreeMap::new();
+    let mut declared = DeclaredTip::default();
     for entry in &mut reader {
         if let Entry::Frame(recorded) = entry {
             let message = &recorded.frame.message;
             let payload = payload(&recorded)?;
             used.entry(message.name()).or_default().enter(&payload);
+            if modulus::row(&mut declared, message).is_some() {
+                used.entry(modulus::TABLE).or_default();
+            }
         }
     }
     reader.refuse_empty(file)?;
@@ -129,7 +144,7 @@ fn payload(recorded: &Recorded) -> Result<Value, Failure> {
     Ok(payload.unwrap_or_default())
 }
 
-/// One table for each kind of record.
+/// One table for each kind of record, and one of moduli.
 struct Tables {
     format: Format,
     folder: PathBuf,
@@ -159,7 +174,11 @@ impl Tables {
             OutputFile::new(tables.format.argument, &file)?.apart_from(recording)?;
         }
         for (&kind, used) in used {
-            let table = (tables.format.create)(&tables.file(kind), columns::of(kind, used));
+            let columns = match kind {
+                modulus::TABLE => modulus::columns(),
+                _ => columns::of(kind, used),
+            };
+            let table = (tables.format.create)(&tables.file(kind), columns);
             let table = table.map_err(|reason| tables.unfinished(&reason))?;
             tables.tables.insert(kind, table);
         }
@@ -170,8 +189,8 @@ impl Tables {
         self.folder.join(format!("{kind}.{}", self.format.ending))
     }
 
-    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), Failure> {
-        let Some(table) = self.tables.get_mut(recorded.frame.message.name()) else {
+    fn add(&mut self, kind: &str, recorded: &Recorded, payload: &Value) -> Result<(), Failure> {
+        let Some(table) = self.tables.get_mut(kind) else {
             return Ok(());
         };
         let added = table.add(recorded, payload);

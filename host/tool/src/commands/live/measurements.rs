@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use palpate_cli::describe;
 use palpate_cli::describe::limited_by;
+use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_wire::Record;
 use palpate_wire::record::UncertaintyBudget;
 use serde::Serialize;
@@ -22,6 +23,10 @@ struct Measurement {
     /// Number since the start of the board.
     number: u32,
     outcome: MeasurementResult,
+    /// Modulus, or why there is none; absent if no tip is declared.
+    modulus: Option<Evaluated>,
+    /// What the page shows of it.
+    modulus_text: Vec<String>,
     /// Largest cause of the interval and how to reduce it, if the board reported it.
     limited_by: Option<String>,
 }
@@ -44,6 +49,8 @@ impl Measurement {
             time_ms: now_ms(),
             number,
             outcome,
+            modulus: None,
+            modulus_text: Vec::new(),
             limited_by: None,
         })
     }
@@ -57,17 +64,30 @@ pub(super) struct Measurements {
     /// Uncertainty budget of the next measurement.
     #[serde(skip)]
     budget: Option<UncertaintyBudget>,
+    #[serde(skip)]
+    declared: DeclaredTip,
 }
 
 impl Measurements {
+    /// Forgets the tip of a board that has restarted.
+    pub(super) fn forget_tip(&mut self) {
+        self.declared = DeclaredTip::default();
+    }
+
     /// Adds a record. Returns whether it ends a measurement.
     pub(super) fn take(&mut self, record: &Record) -> bool {
+        self.declared.take(record);
         if let Record::UncertaintyBudget(budget) = record {
             self.budget = Some(budget.clone());
         }
         let Some(mut measurement) = Measurement::of(record) else {
             return false;
         };
+        if let Record::Estimate(estimate) = record {
+            measurement.modulus = self.declared.evaluate(estimate);
+            let lines = measurement.modulus.iter().flat_map(Evaluated::lines);
+            measurement.modulus_text = lines.collect();
+        }
         measurement.limited_by = self.budget.take().as_ref().map(limited_by);
         if self.ended.len() == KEPT {
             self.ended.pop_front();
@@ -87,6 +107,18 @@ pub(super) fn now_ms() -> u64 {
 mod tests {
     use super::*;
     use crate::commands::watch::tests::fixture;
+
+    #[test]
+    fn a_declared_tip_adds_a_modulus() {
+        let mut measurements = Measurements::default();
+        measurements.take(&fixture("estimate"));
+        measurements.take(&fixture("tip"));
+        measurements.take(&fixture("estimate"));
+        measurements.forget_tip();
+        measurements.take(&fixture("estimate"));
+        let texts = measurements.ended.iter().map(|of| of.modulus_text.len());
+        assert_eq!(texts.collect::<Vec<_>>(), [0, 2, 0]);
+    }
 
     #[test]
     fn a_refusal_stands_beside_the_estimate_before_it() {

@@ -24,8 +24,13 @@ const POLL: Duration = Duration::from_millis(10);
 const QUIET: Duration = Duration::from_secs(3);
 /// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
-/// Parts of the calibration that the line of a train needs.
-const PARTS: [Part; 3] = [Part::Springs, Part::StiffeningCurve, Part::Attraction];
+/// Parts of the calibration that the line of a train needs, and the tip.
+const PARTS: [Part; 4] = [
+    Part::Springs,
+    Part::StiffeningCurve,
+    Part::Attraction,
+    Part::Tip,
+];
 
 /// A board with its pages.
 pub(super) struct LiveSession<'a> {

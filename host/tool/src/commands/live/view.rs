@@ -92,6 +92,7 @@ impl View {
             self.envelope.interrupt();
             self.faults.clear();
             self.train = Train::default();
+            self.measurements.forget_tip();
         }
         match &frame.message {
             Record::Sample(sample) => self.envelope.add(time_s, sample),

@@ -94,7 +94,7 @@ fn section(story: &Story, measurement: &Measurement) -> Section {
                 describe::refusal(refusal)
             ),
         },
-        text: measurement.limited_by.clone(),
+        text: measurement.text(),
         charts: charts::of_measurement(story, Some(measurement), None),
     }
 }

@@ -2,6 +2,7 @@
 
 mod change;
 mod file;
+mod tip;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -36,6 +37,7 @@ enum What {
     Erase(Erase),
     Export(Export),
     Import(Import),
+    Tip(tip::TipArguments),
 }
 
 /// Print all active settings, and whether they are stored
@@ -160,6 +162,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.store,
             arguments.json,
         ),
+        What::Tip(arguments) => tip::run(arguments),
     }
 }
 

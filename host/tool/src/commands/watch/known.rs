@@ -2,6 +2,7 @@
 
 use palpate_cli::describe;
 use palpate_cli::describe::limited_by;
+use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_wire::code::{Contact, FaultCode, State};
 use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status, UncertaintyBudget};
 use palpate_wire::{Frame, Record};
@@ -29,6 +30,10 @@ pub(crate) struct Known {
     pub(crate) status: Option<Status>,
     /// Last result with its time, s.
     pub(crate) result: Option<(f64, MeasurementResult)>,
+    /// Modulus of the last result, or why there is none; absent if no tip is declared.
+    pub(crate) modulus: Option<Evaluated>,
+    #[serde(skip)]
+    declared: DeclaredTip,
     /// Largest cause of the last interval and how to reduce it, if the board reported it.
     pub(crate) limited_by: Option<String>,
     #[serde(skip)]
@@ -89,6 +94,7 @@ impl Known {
         self.time_s = frame.header.time_us as f64 * 1e-6;
         self.gone = None;
         let mut touches = false;
+        self.declared.take(&frame.message);
         match &frame.message {
             Record::Hello(hello) => self.hello = Some(hello.clone()),
             Record::Sample(sample) => {
@@ -127,6 +133,10 @@ impl Known {
     }
 
     fn ended(&mut self, outcome: MeasurementResult) {
+        self.modulus = match &outcome {
+            MeasurementResult::Estimate(estimate) => self.declared.evaluate(estimate),
+            MeasurementResult::Refusal(_) => None,
+        };
         self.result = Some((self.time_s, outcome));
         self.limited_by = self.budget.take().as_ref().map(limited_by);
     }

@@ -18,6 +18,7 @@ use palpate_cli::quantity;
 use palpate_wire::Command;
 use view::View;
 
+use crate::board::configuration::declared_tip;
 use crate::board::link::{Link, Watched};
 use crate::interrupt::Interrupt;
 
@@ -62,9 +63,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let end = arguments.duration.map(|duration| begin + duration);
     let interrupt = Interrupt::catch()?;
     let mut is_there = true;
+    let mut read_of = None;
     while !interrupt.is_asked() && end.is_none_or(|end| link.now() < end) {
         let turned = if is_there {
             watched(&mut link, &mut known, screen.period(), measures)
+                .and_then(|()| read_tip(&mut link, &known, &mut read_of))
         } else {
             link.reconnect(&interrupt)
         };
@@ -104,6 +107,15 @@ fn watched(
         }
     }
     known.take_link(link);
+    Ok(())
+}
+
+/// Reads the tip of a new boot; its records are processed with the next frames.
+fn read_tip(link: &mut Link, known: &Known, read_of: &mut Option<u32>) -> Result<(), Failure> {
+    if !link.is_recording() && *read_of != known.boot_id {
+        *read_of = known.boot_id;
+        declared_tip(link)?;
+    }
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use console::Style;
 use palpate_cli::describe::stiffness;
+use palpate_cli::modulus::Evaluated;
 use palpate_wire::code::Contact;
 use palpate_wire::record::{Conversion, Estimate, Sample};
 
@@ -44,6 +45,8 @@ impl View {
         );
         lines.push(self.conditions(known));
         lines.push(self.result(known));
+        let modulus = known.modulus.iter().flat_map(Evaluated::lines);
+        lines.extend(modulus.map(|text| self.plain("", &text)));
         let sentences = known
             .limited_by
             .iter()
