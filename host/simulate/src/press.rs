@@ -1,9 +1,13 @@
 //! One press of an object onto a simulated, calibrated instrument.
 
+use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
+use palpate_sim::mechanics::indented;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::world::Holder;
+use palpate_wire::code::TipShape;
+use palpate_wire::command::Tip;
 use palpate_wire::{Command, Frame, Record};
 
 use crate::instrument::CalibratedInstrument;
@@ -47,6 +51,10 @@ pub struct PressOutcome {
     pub true_n_per_m: f64,
     /// True force at the end of the train, N.
     pub true_force_n: f64,
+    /// Tip as it is declared to the instrument, for an object under a tip.
+    pub tip: Option<Tip>,
+    /// Modulus from the estimate, for an object under a tip.
+    pub modulus: Option<Evaluated>,
     /// Simulated time, s.
     pub simulated_s: f64,
 }
@@ -86,13 +94,62 @@ pub fn press_on<D: Device>(
     let truth = board.with_world(|world| world.truth());
     let end = board.now() + AFTERWARDS;
     board.run_until(end)?;
+    let frames = board.take_frames();
+    let frame_m_per_n = plant.effective(&switches).press.frame_m_per_n;
+    let tip = declared(&how.load, frame_m_per_n);
+    let modulus = tip
+        .clone()
+        .and_then(|tip| modulus(instrument, tip, &frames));
     Ok(PressOutcome {
-        frames: board.take_frames(),
+        frames,
         load: how.load,
-        frame_m_per_n: plant.effective(&switches).press.frame_m_per_n,
+        frame_m_per_n,
+        tip,
+        modulus,
         true_n_per_m: truth.load_spring_n_per_m,
         true_force_n: truth.force_n,
         simulated_s: board.now().as_secs_f64(),
+    })
+}
+
+/// Declares the tip of a load, the object and its support as they are; `None` for a load without a tip.
+pub fn declared(load: &Load, support_m_per_n: f64) -> Option<Tip> {
+    let Load::Indented(object) = load else {
+        return None;
+    };
+    let material = &object.material;
+    Some(Tip {
+        shape: match object.tip {
+            indented::Tip::Pin => TipShape::FlatPin,
+            indented::Tip::Ball => TipShape::Ball,
+        },
+        radius_m: object.radius_m as f32,
+        radius_uncertainty: 0.0,
+        thickness_m: material.thickness_m.unwrap_or_default() as f32,
+        thickness_uncertainty: 0.0,
+        poisson_ratio: material.poisson_ratio as f32,
+        poisson_uncertainty: 0.0,
+        support_m_per_n: support_m_per_n as f32,
+        support_uncertainty: 0.0,
+    })
+}
+
+/// Evaluates the first estimate in the records with a tip.
+pub fn modulus(
+    instrument: &CalibratedInstrument,
+    tip: Tip,
+    frames: &[Frame<Record>],
+) -> Option<Evaluated> {
+    let mut of = DeclaredTip::with(&[Record::Tip(tip)]);
+    let springs = instrument.calibration.commands.iter();
+    for command in springs {
+        if let Command::SetSprings(springs) = command {
+            of.take(&Record::Springs(springs.clone()));
+        }
+    }
+    frames.iter().find_map(|frame| match &frame.message {
+        Record::Estimate(estimate) => of.evaluate(estimate),
+        _ => None,
     })
 }
 

@@ -54,7 +54,9 @@ fn table_row(measured: &Measured) -> Row {
 
 fn section(in_force: &[Record], measured: &Measured) -> Section {
     let mut story = Story::default();
-    story.boot(in_force);
+    let tip = measured.pressed.tip.clone().map(Record::Tip);
+    let in_force: Vec<_> = in_force.iter().cloned().chain(tip).collect();
+    story.boot(&in_force);
     for (time_s, record) in measured.pressed.records() {
         story.take(time_s, record.clone());
     }

@@ -6,6 +6,8 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use palpate_cli::describe::{estimated, interval, stiffness};
 use palpate_cli::failure::Failure;
+use palpate_cli::modulus::{Evaluated, pressure};
+use palpate_sim::mechanics::load::Load;
 use palpate_sim::switches::Switches;
 use serde::Serialize;
 
@@ -35,6 +37,12 @@ struct ResultLine<'m> {
     estimate: Option<&'m palpate_wire::record::Estimate>,
     /// Whether the 95 % interval contains the truth; absent without an estimate.
     within_claim: Option<bool>,
+    /// Young's modulus of an object under a tip.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    true_young_pa: Option<f64>,
+    /// The modulus from the estimate, or why there is none.
+    #[serde(flatten)]
+    modulus: Option<&'m Evaluated>,
     /// Reason for a missing estimate; absent otherwise.
     reason: Option<String>,
 }
@@ -51,6 +59,8 @@ pub fn print_json(row: &[Measured]) -> Result<(), Failure> {
             true_force_n: measured.pressed.true_force_n,
             estimate: measured.verdict.estimate(),
             within_claim: measured.verdict.holds(truth),
+            true_young_pa: measured.true_young_pa(),
+            modulus: measured.pressed.modulus.as_ref(),
             reason: measured.verdict.reason(),
         };
         writeln!(out, "{}", serde_json::to_string(&line)?)?;
@@ -115,6 +125,9 @@ pub fn print(
     writeln!(out, "{title}")?;
     writeln!(out, "{}", calibrated(instrument))?;
     writeln!(out, "{}", table(row))?;
+    for text in row.iter().filter_map(Measured::modulus) {
+        writeln!(out, "{text}")?;
+    }
     writeln!(out, "{}", summary(row))?;
     Ok(())
 }
@@ -154,6 +167,25 @@ impl Measured {
             pressed,
             verdict,
         }
+    }
+
+    /// True Young's modulus, Pa; `None` for a load without a tip.
+    fn true_young_pa(&self) -> Option<f64> {
+        match self.pressed.load {
+            Load::Indented(object) => Some(object.material.young_pa),
+            _ => None,
+        }
+    }
+
+    /// Modulus and hardness beside the true modulus; `None` for a load without a tip.
+    fn modulus(&self) -> Option<String> {
+        let lines: Vec<_> = self.pressed.modulus.as_ref()?.lines().collect();
+        let truly = pressure(self.true_young_pa()? as f32);
+        Some(format!(
+            "{}: {}; truly {truly}",
+            self.load,
+            lines.join("; ")
+        ))
     }
 
     /// Half the width of the interval of 1/c_L, relative to the true 1/c_L. The error of 1/c_L is

@@ -27,13 +27,20 @@ Example, with creep and vibration only:
   except = [\"creep\", \"vibration\"]
 
   [[press]]
-  load = \"hardening\"            # spring, hardening or rigid
+  load = \"hardening\"            # spring, hardening, pin, ball or rigid
   stiffness_N_per_m = 3e3
   cubic_N_per_m3 = 1e10
   depth_m = 0.3e-3              # of the sensing layer; optional, as the following
   speed_m_per_s = 2e-3
   holder = \"hand\"               # or \"stand\"
-  name = \"a finger\"")]
+  name = \"a finger\"
+
+  [[press]]
+  load = \"ball\"                 # or \"pin\": a tip on an elastic object
+  radius_m = 8e-3
+  modulus_Pa = 300e3
+  poisson_ratio = 0.5
+  thickness_m = 10e-3           # optional: bonded to a rigid base")]
 pub struct Arguments<E: EngineChoice> {
     /// The scenario
     #[arg(value_name = "SCENARIO.toml")]

@@ -15,6 +15,7 @@ mod field_peers;
 mod hostile_bytes;
 mod image;
 mod misfit;
+mod modulus;
 mod recordings;
 mod series;
 mod sigma;
@@ -64,6 +65,7 @@ enum Campaign {
     /// The image at a USB host: streams, interruptions, control transfers, restarts
     ImageUsb(drawn::Seed),
     Misfit(misfit::Arguments),
+    Modulus(modulus::Arguments),
     Recordings(recordings::Arguments),
     Series(series::Arguments),
     Sigma(sigma::Arguments),
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
         Campaign::ImageStorage => image::storage::run(),
         Campaign::ImageUsb(seed) => image::usb::run(&seed),
         Campaign::Misfit(arguments) => failure::exit(misfit::run(&arguments)),
+        Campaign::Modulus(arguments) => failure::exit(modulus::run(&arguments)),
         Campaign::Recordings(arguments) => failure::exit(recordings::run(&arguments)),
         Campaign::Series(arguments) => failure::exit(series::run(&arguments)),
         Campaign::Sigma(arguments) => sigma::run(&arguments),
