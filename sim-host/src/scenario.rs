@@ -211,6 +211,7 @@ fn describe(load: &Load) -> String {
             let kpa = object.material.young_pa * 1e-3;
             format!("{tip} of {} mm on {kpa} kPa", object.radius_m * 1e3)
         }
+        Load::Viscoelastic { n_per_m, .. } => format!("{} N/mm, relaxing", n_per_m * 1e-3),
         Load::Rigid => "block".to_owned(),
     }
 }

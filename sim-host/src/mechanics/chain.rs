@@ -1,8 +1,8 @@
 //! Balance of the springs in series.
 
 use super::friction::{FrictionParameters, FrictionState};
-use super::layer::{LayerParameters, LayerStep, MODES, Response, creep_rate};
-use super::load::Load;
+use super::layer::{KelvinStep, LayerParameters, MODES, Response, creep_rate, decays};
+use super::load::{LOAD_MODES, Load};
 
 /// Least allowed stability: the actuated layer's stiffness with the gradient of the attraction,
 /// relative to its stiffness without. Below this ratio the layer would snap shut.
@@ -21,6 +21,7 @@ pub struct Chain {
     friction: FrictionParameters,
     sensing_modes: [f64; MODES],
     actuated_modes: [f64; MODES],
+    load_modes: [f64; LOAD_MODES],
 }
 
 /// Conditions of the chain at one time.
@@ -51,7 +52,7 @@ pub struct ChainState {
     pub friction: FrictionState,
     /// Force c_D e_D in the actuated layer, N: F plus the attraction.
     pub actuated_force_n: f64,
-    /// x_L, m.
+    /// x_L without creep: compression of the load's instant spring, m.
     pub load_m: f64,
     /// x_S, m.
     pub sensing_m: f64,
@@ -63,6 +64,8 @@ pub struct ChainState {
     pub sensing_creep_m: [f64; MODES],
     /// Creep of the actuated layer, m.
     pub actuated_creep_m: [f64; MODES],
+    /// Creep of the load, m.
+    pub load_creep_m: [f64; LOAD_MODES],
 }
 
 impl ChainState {
@@ -79,11 +82,12 @@ impl ChainState {
     }
 }
 
-/// Decay factors of the modes of both layers over a step.
+/// Decay factors of all modes over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decays {
     pub(crate) sensing: [f64; MODES],
     pub(crate) actuated: [f64; MODES],
+    pub(crate) load: [f64; LOAD_MODES],
 }
 
 /// Rates of change of the [`ChainConditions`], in their units per second.
@@ -106,6 +110,8 @@ pub(crate) struct Rates {
 struct Rest {
     /// Response of the actuated layer with its attraction.
     actuated: Response,
+    /// Response of the load's modes with the frame.
+    stand: Response,
     /// Displacement x_0 of the press plus the growth of the sensor, m.
     drive_m: f64,
     pull_n: f64,
@@ -141,6 +147,7 @@ impl Chain {
             friction,
             sensing_modes: sensing.mode_compliances(),
             actuated_modes: actuated.mode_compliances(),
+            load_modes: load.mode_compliances(),
         }
     }
 
@@ -166,6 +173,7 @@ impl Chain {
         Decays {
             sensing: self.sensing.decays(duration_s),
             actuated: self.actuated.decays(duration_s),
+            load: decays(&self.load.creep(), duration_s),
         }
     }
 
@@ -175,6 +183,10 @@ impl Chain {
 
     pub(crate) fn actuated_modes(&self) -> &[f64; MODES] {
         &self.actuated_modes
+    }
+
+    pub(crate) fn load_modes(&self) -> &[f64; LOAD_MODES] {
+        &self.load_modes
     }
 
     /// Attraction between the halves of the actuated layer, N.
@@ -193,8 +205,8 @@ impl Chain {
         &'a self,
         from: &'a ChainState,
         decays: &'a Decays,
-    ) -> LayerStep<'a> {
-        LayerStep {
+    ) -> KelvinStep<'a, MODES> {
+        KelvinStep {
             compliances: &self.sensing_modes,
             decays: &decays.sensing,
             modes_m: &from.sensing_creep_m,
@@ -206,8 +218,8 @@ impl Chain {
         &'a self,
         from: &'a ChainState,
         decays: &'a Decays,
-    ) -> LayerStep<'a> {
-        LayerStep {
+    ) -> KelvinStep<'a, MODES> {
+        KelvinStep {
             compliances: &self.actuated_modes,
             decays: &decays.actuated,
             modes_m: &from.actuated_creep_m,
@@ -215,8 +227,21 @@ impl Chain {
         }
     }
 
-    /// Balance at the end of a step, under the conditions at that time. The forces balance to
-    /// rounding. Closed form, except for a hardening load, which needs an iteration.
+    pub(crate) fn load_step<'a>(
+        &'a self,
+        from: &'a ChainState,
+        decays: &'a Decays,
+    ) -> KelvinStep<'a, LOAD_MODES> {
+        KelvinStep {
+            compliances: &self.load_modes,
+            decays: &decays.load,
+            modes_m: &from.load_creep_m,
+            force_n: from.load_force_n,
+        }
+    }
+
+    /// The balance at the end of a step, under the conditions at its end. The forces balance to
+    /// rounding: only a hardening load has no closed-form solution.
     pub(crate) fn balance(
         &self,
         from: &ChainState,
@@ -225,6 +250,9 @@ impl Chain {
     ) -> ChainState {
         let sensing_step = self.sensing_step(from, decays);
         let actuated_step = self.actuated_step(from, decays);
+        let load_step = self.load_step(from, decays);
+        let mut stand = load_step.response(f64::INFINITY);
+        stand.compliance_m_per_n += self.frame_m_per_n;
         let sensing = sensing_step.response(end.sensing_spring_n_per_m);
         let actuated = actuated_step.response(end.actuated_spring_n_per_m);
 
@@ -239,6 +267,7 @@ impl Chain {
                 offset_m: actuated_rest,
                 compliance_m_per_n: actuated_compliance,
             },
+            stand,
             drive_m: end.press_m + end.growth_m,
             pull_n: end.pull_n,
         };
@@ -263,16 +292,18 @@ impl Chain {
             opening_m: solved.opening_m,
             sensing_creep_m: sensing_step.modes_after(force_n - friction.force_n),
             actuated_creep_m: actuated_step.modes_after(actuated_force_n),
+            load_creep_m: load_step.modes_after(solved.load_force_n),
         }
     }
 
-    /// Balance for a given response of the sensing layer. With a pull P on the load and the layers'
-    /// compliances S and A: x_L + frame (F − P) + (S + A) (F − P) = slack − (S + A) P.
+    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so
+    /// x_L + stand (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
     fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
         let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
-        let series =
-            self.frame_m_per_n + sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
-        let slack = rest.drive_m - sensing.offset_m - rest.actuated.offset_m;
+        let series = rest.stand.compliance_m_per_n
+            + sensing.compliance_m_per_n
+            + rest.actuated.compliance_m_per_n;
+        let slack = rest.drive_m - sensing.offset_m - rest.actuated.offset_m - rest.stand.offset_m;
         let pull_n = if slack > 0.0 { rest.pull_n } else { 0.0 };
         let shared_m = slack.max(0.0) - layers * pull_n;
         // If the pull exceeds the force, the load is stretched, by the same law as in compression.
@@ -297,7 +328,7 @@ impl Chain {
     ) -> f64 {
         let (c_s, c_d) = (now.sensing_spring_n_per_m, now.actuated_spring_n_per_m);
         let sensing_creep = creep_rate(
-            &self.sensing,
+            &self.sensing.creep,
             &self.sensing_modes,
             &state.sensing_creep_m,
             state.sensing_force_n(),
@@ -311,10 +342,16 @@ impl Chain {
             return part * sensing_creep;
         }
         let actuated_creep = creep_rate(
-            &self.actuated,
+            &self.actuated.creep,
             &self.actuated_modes,
             &state.actuated_creep_m,
             state.actuated_force_n,
+        );
+        let load_creep = creep_rate(
+            &self.load.creep(),
+            &self.load_modes,
+            &state.load_creep_m,
+            state.load_force_n,
         );
         let stability = self.stability(now.attraction_n, 1.0 / c_d);
         let softening_s = state.sensing_force_n() * rates.sensing_spring / (c_s * c_s);
@@ -326,7 +363,8 @@ impl Chain {
         let load = self.load.compliance_m_per_n(state.load_m);
         let stand = load + self.frame_m_per_n;
         let series = stand + part / c_s + 1.0 / (c_d * stability);
-        let force_rate = (rates.drive + stand * rates.pull - sensing_rest - actuated_rest) / series;
+        let drive = rates.drive + stand * rates.pull;
+        let force_rate = (drive - sensing_rest - actuated_rest - load_creep) / series;
         part * force_rate / c_s + sensing_rest
     }
 }

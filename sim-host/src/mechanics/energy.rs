@@ -5,10 +5,10 @@ use super::layer::stored_j;
 
 /// Work done on the springs since the start, by source, and the energy stored and dissipated, J.
 ///
-/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term sums the mean
-/// force times the change of displacement over all steps, which the integrator conserves exactly.
-/// The load's share of the press's work is the change of the load's potential, exact even for a
-/// nonlinear load.
+/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
+/// steps of the mean force times the change of displacement, which the integrator conserves
+/// exactly. The share of the load's instant spring in the press's work is its potential, which is exact
+/// for a nonlinear load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
     /// Work of the press.
@@ -93,6 +93,7 @@ impl Energy {
                 + chain
                     .actuated_step(from, decays)
                     .dissipated_j(&to.actuated_creep_m)
+                + chain.load_step(from, decays).dissipated_j(&to.load_creep_m)
                 + friction_n * (to.friction.slider_m - from.friction.slider_m),
             stored_j: chain_stored_j(chain, to, after),
         }
@@ -114,4 +115,5 @@ fn chain_stored_j(chain: &Chain, state: &ChainState, now: &ChainConditions) -> f
         + chain.friction().stored_j(&state.friction)
         + stored_j(chain.sensing_modes(), &state.sensing_creep_m)
         + stored_j(chain.actuated_modes(), &state.actuated_creep_m)
+        + stored_j(chain.load_modes(), &state.load_creep_m)
 }

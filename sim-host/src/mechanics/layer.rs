@@ -45,16 +45,23 @@ impl LayerParameters {
     /// Decay factors of the modes after a time without force.
     #[must_use]
     pub fn decays(&self, duration_s: f64) -> [f64; MODES] {
-        if duration_s == 0.0 {
-            return [1.0; MODES];
-        }
-        self.creep.map(|mode| libm::exp(-duration_s / mode.tau_s))
+        decays(&self.creep, duration_s)
     }
 }
 
-/// Displacement of a layer at the end of a step, as a function of the force F₁ at that time: offset
-/// plus compliance times F₁. The integrator is the exponentially fitted midpoint rule, for a mode z
-/// of compliance J over a step h,
+/// Decay factors of modes after a time without force.
+pub(crate) fn decays<const N: usize>(creep: &[CreepMode; N], duration_s: f64) -> [f64; N] {
+    creep.map(|mode| {
+        if duration_s == 0.0 || mode.amplitude == 0.0 {
+            1.0
+        } else {
+            libm::exp(-duration_s / mode.tau_s)
+        }
+    })
+}
+
+/// Displacement of a layer at the end of a step as a function of the force at that time: a known
+/// offset, and a compliance. The integrator is the exponentially fitted midpoint rule,
 ///
 /// z₁ = e z₀ + (1 − e) J (F₀ + F₁)/2,  e = exp(−h/τ),
 ///
@@ -69,24 +76,25 @@ pub(crate) struct Response {
     pub(crate) compliance_m_per_n: f64,
 }
 
-/// Modes of a layer with their decay factors over a step.
+/// Modes of a layer or a load with their decay factors over a step.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LayerStep<'a> {
-    pub(crate) compliances: &'a [f64; MODES],
-    pub(crate) decays: &'a [f64; MODES],
+pub(crate) struct KelvinStep<'a, const N: usize> {
+    pub(crate) compliances: &'a [f64; N],
+    pub(crate) decays: &'a [f64; N],
     /// Displacements of the modes at the beginning, m.
-    pub(crate) modes_m: &'a [f64; MODES],
+    pub(crate) modes_m: &'a [f64; N],
     /// Force at the beginning, N.
     pub(crate) force_n: f64,
 }
 
-impl LayerStep<'_> {
+impl<const N: usize> KelvinStep<'_, N> {
     fn each(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
         let modes = self.compliances.iter().zip(self.decays).zip(self.modes_m);
         modes.map(|((&compliance, &decay), &z)| (compliance, decay, z))
     }
 
-    /// Response of the layer, given its spring at the end of the step.
+    /// Response of the chain, given its spring at the end of the step; an infinite one leaves the
+    /// modes alone.
     pub(crate) fn response(&self, spring_n_per_m: f64) -> Response {
         let mut response = Response {
             offset_m: 0.0,
@@ -101,8 +109,8 @@ impl LayerStep<'_> {
     }
 
     /// Displacements of the modes at the end, given the force at the end, m.
-    pub(crate) fn modes_after(&self, force_n: f64) -> [f64; MODES] {
-        let mut after = [0.0; MODES];
+    pub(crate) fn modes_after(&self, force_n: f64) -> [f64; N] {
+        let mut after = [0.0; N];
         for (mode, (compliance, decay, z)) in after.iter_mut().zip(self.each()) {
             *mode = decay * z + 0.5 * (1.0 - decay) * compliance * (self.force_n + force_n);
         }
@@ -113,7 +121,7 @@ impl LayerStep<'_> {
     ///
     /// Heat η (Δz)²/h of a dashpot η = τ_fit/J with τ_fit = (h/2) coth(h/2τ), under the midpoint
     /// rule (symbols as in [`Response`]).
-    pub(crate) fn dissipated_j(&self, after: &[f64; MODES]) -> f64 {
+    pub(crate) fn dissipated_j(&self, after: &[f64; N]) -> f64 {
         let mut heat_j = 0.0;
         for ((compliance, decay, z), after) in self.each().zip(after) {
             // A mode without compliance, or a step of zero length, does not move.
@@ -127,7 +135,7 @@ impl LayerStep<'_> {
 }
 
 /// Energy stored in the modes, J.
-pub(crate) fn stored_j(compliances: &[f64; MODES], modes_m: &[f64; MODES]) -> f64 {
+pub(crate) fn stored_j<const N: usize>(compliances: &[f64; N], modes_m: &[f64; N]) -> f64 {
     compliances
         .iter()
         .zip(modes_m)
@@ -136,15 +144,16 @@ pub(crate) fn stored_j(compliances: &[f64; MODES], modes_m: &[f64; MODES]) -> f6
         .sum()
 }
 
-/// Rate of a layer's modes under a force, m/s.
-pub(crate) fn creep_rate(
-    layer: &LayerParameters,
-    compliances: &[f64; MODES],
-    modes_m: &[f64; MODES],
+/// Rate of modes under a force, m/s.
+pub(crate) fn creep_rate<const N: usize>(
+    creep: &[CreepMode; N],
+    compliances: &[f64; N],
+    modes_m: &[f64; N],
     force_n: f64,
 ) -> f64 {
-    let modes = layer.creep.iter().zip(compliances).zip(modes_m);
+    let modes = creep.iter().zip(compliances).zip(modes_m);
     modes
+        .filter(|((mode, _), _)| mode.amplitude > 0.0)
         .map(|((mode, compliance), z)| (compliance * force_n - z) / mode.tau_s)
         .sum()
 }
@@ -178,7 +187,7 @@ mod tests {
         let mut modes_m = [0.0; MODES];
         for step in 0..steps {
             let at = |offset: u32| force(f64::from(step + offset) * step_s);
-            let step = LayerStep {
+            let step = KelvinStep {
                 compliances: &compliances,
                 decays: &decays,
                 modes_m: &modes_m,
@@ -229,7 +238,7 @@ mod tests {
         let compliances = LAYER.mode_compliances();
         let decays = LAYER.decays(0.02);
         let modes_m = [3e-6, -1e-6, 8e-6];
-        let step = LayerStep {
+        let step = KelvinStep {
             compliances: &compliances,
             decays: &decays,
             modes_m: &modes_m,

@@ -1,8 +1,13 @@
 //! The object that is pressed on the sensor.
 
 use super::indented::Indented;
+use super::layer::CreepMode;
 
-/// A load spring without memory.
+/// Number of modes of a load that relaxes.
+pub const LOAD_MODES: usize = 5;
+
+/// A load spring. Only [`Load::Viscoelastic`] has a memory: its forces, displacements and energies
+/// here are those of its instant spring, and [`chain`](super::chain) follows its modes.
 ///
 /// ```
 /// use palpate_sim::mechanics::load::Load;
@@ -28,6 +33,14 @@ pub enum Load {
     },
     /// An elastic object under a tip.
     Indented(Indented),
+    /// An object that relaxes: F = c (x − Σ z), the Kelvin chain of [`layer`](super::layer). One
+    /// mode is the standard linear solid; several, decades apart, are a spectrum.
+    Viscoelastic {
+        /// c, N/m, 1 to 10¹⁰.
+        n_per_m: f64,
+        /// Modes; amplitudes of zero leave a spring.
+        creep: [CreepMode; LOAD_MODES],
+    },
     /// A rigid object.
     Rigid,
 }
@@ -37,7 +50,7 @@ impl Load {
     #[must_use]
     pub fn force_n(&self, x_m: f64) -> f64 {
         match *self {
-            Self::Spring { n_per_m } => n_per_m * x_m,
+            Self::Spring { n_per_m } | Self::Viscoelastic { n_per_m, .. } => n_per_m * x_m,
             Self::Hardening {
                 n_per_m,
                 cubic_n_per_m3,
@@ -52,7 +65,7 @@ impl Load {
     #[must_use]
     pub fn displacement_m(&self, force_n: f64) -> f64 {
         match *self {
-            Self::Spring { n_per_m } => force_n / n_per_m,
+            Self::Spring { n_per_m } | Self::Viscoelastic { n_per_m, .. } => force_n / n_per_m,
             Self::Hardening {
                 n_per_m,
                 cubic_n_per_m3,
@@ -70,7 +83,9 @@ impl Load {
     #[must_use]
     pub fn in_series(&self, total_m: f64, compliance_m_per_n: f64) -> (f64, f64) {
         let x_m = match *self {
-            Self::Spring { n_per_m } => total_m / (1.0 + compliance_m_per_n * n_per_m),
+            Self::Spring { n_per_m } | Self::Viscoelastic { n_per_m, .. } => {
+                total_m / (1.0 + compliance_m_per_n * n_per_m)
+            }
             Self::Hardening {
                 n_per_m,
                 cubic_n_per_m3,
@@ -89,7 +104,7 @@ impl Load {
     #[must_use]
     pub fn compliance_m_per_n(&self, x_m: f64) -> f64 {
         match *self {
-            Self::Spring { n_per_m } => 1.0 / n_per_m,
+            Self::Spring { n_per_m } | Self::Viscoelastic { n_per_m, .. } => 1.0 / n_per_m,
             Self::Hardening {
                 n_per_m,
                 cubic_n_per_m3,
@@ -99,11 +114,41 @@ impl Load {
         }
     }
 
+    /// Modes of creep; amplitudes of zero for a load without memory.
+    #[must_use]
+    pub fn creep(&self) -> [CreepMode; LOAD_MODES] {
+        match *self {
+            Self::Viscoelastic { creep, .. } => creep,
+            _ => [CreepMode::default(); LOAD_MODES],
+        }
+    }
+
+    /// Compliances of the modes, m/N.
+    #[must_use]
+    pub fn mode_compliances(&self) -> [f64; LOAD_MODES] {
+        let instant_m_per_n = self.compliance_m_per_n(0.0);
+        self.creep().map(|mode| mode.amplitude * instant_m_per_n)
+    }
+
+    /// Storage compliance J′ at a compression of the instant spring and a frequency, m/N: the real
+    /// part of dx/dF for small sine waves, dx/dF + Σ (a/c)/(1 + (2π f τ)²).
+    #[must_use]
+    pub fn storage_compliance_m_per_n(&self, x_m: f64, hertz: f64) -> f64 {
+        let modes = self.mode_compliances().into_iter().zip(self.creep());
+        let crept = modes.map(|(compliance, mode)| {
+            let turned = core::f64::consts::TAU * hertz * mode.tau_s;
+            compliance / (1.0 + turned * turned)
+        });
+        self.compliance_m_per_n(x_m) + crept.sum::<f64>()
+    }
+
     /// Energy stored at a compression, J.
     #[must_use]
     pub fn energy_j(&self, x_m: f64) -> f64 {
         match *self {
-            Self::Spring { n_per_m } => 0.5 * n_per_m * x_m * x_m,
+            Self::Spring { n_per_m } | Self::Viscoelastic { n_per_m, .. } => {
+                0.5 * n_per_m * x_m * x_m
+            }
             Self::Hardening {
                 n_per_m,
                 cubic_n_per_m3,

@@ -428,6 +428,20 @@ impl World {
         self.plant.chain.load()
     }
 
+    /// Stiffness c_L of the load with its frame for small changes at a frequency, N/m: the
+    /// reciprocal of their storage compliance, 1/(J′(f) + φ).
+    ///
+    /// The storage compliance is what an instrument sees to first order: a train of currents changes
+    /// the sensing layer's deformation by −x g/W with the complex W = 1 + c_S (J* + φ) + c_S/c_D, and
+    /// the line that is fitted takes the part in phase, Re(1/W), which is 1/Re W but for the square of
+    /// the phase. Compliances in series add, so the frame keeps its place.
+    #[must_use]
+    pub fn load_stiffness_n_per_m(&self, hertz: f64) -> f64 {
+        let (load, chain) = (self.load(), self.state().chain);
+        let load_m_per_n = load.storage_compliance_m_per_n(chain.load_m, hertz);
+        1.0 / (load_m_per_n + self.plant.chain.frame_m_per_n())
+    }
+
     /// Planned displacement of the press now, without shaking and jumps, m.
     #[must_use]
     pub fn planned_press_m(&self) -> f64 {
@@ -472,6 +486,15 @@ fn check_setup(setup: &Setup) -> Result<(), ParameterError> {
                 1e-4,
                 1.0,
             )
+        }
+        Load::Viscoelastic { n_per_m, creep } => {
+            within("load n_per_m", n_per_m, 1.0, 1e10)?;
+            creep.iter().try_for_each(|mode| {
+                within("load amplitude", mode.amplitude, 0.0, 10.0)?;
+                // A mode without amplitude may leave its time constant at zero.
+                let least_s = if mode.amplitude > 0.0 { 1e-3 } else { 0.0 };
+                within("load tau_s", mode.tau_s, least_s, 1e6)
+            })
         }
         Load::Rigid => Ok(()),
     }

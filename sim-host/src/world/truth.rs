@@ -27,8 +27,10 @@ pub struct Truth {
     pub apparent_m: f64,
     /// Displacement x_D of the actuated layer, m.
     pub actuated_m: f64,
-    /// Displacement x_L of the load, m, without its frame.
+    /// Displacement x_L of the load with its creep, m, without its frame.
     pub load_m: f64,
+    /// Creep in x_L, m.
+    pub load_creep_m: f64,
     /// Displacement of the frame under the load, m.
     pub frame_m: f64,
     /// Distance between load and sensor, m; zero in contact.
@@ -47,8 +49,9 @@ pub struct Truth {
     pub actuated_spring_n_per_m: f64,
     /// Stiffening σ of the actuated layer: 0 without field, 1 at the peak.
     pub stiffening: f64,
-    /// Tangent stiffness c_L of the load in series with its frame, N/m: the quantity that an
-    /// instrument can measure. Infinite for a rigid load on a rigid frame.
+    /// Tangent stiffness of the load's instant spring in series with its frame, N/m. Infinite for a
+    /// rigid load on a rigid frame. Of a load without memory it is the c_L that an instrument can
+    /// measure; of one that relaxes, [`World::load_stiffness_n_per_m`](super::World) is.
     pub load_spring_n_per_m: f64,
     /// Mean current in the coils, without its ripple, A.
     pub current_a: f64,
@@ -73,6 +76,7 @@ impl Truth {
         let PlantState {
             chain, conditions, ..
         } = state;
+        let load_creep_m = chain.load_creep_m.iter().sum();
         let load_m_per_n = plant.chain.load().compliance_m_per_n(chain.load_m);
         let thermal = &plant.parameters.thermal;
         Self {
@@ -85,7 +89,8 @@ impl Truth {
             sensing_m: chain.sensing_m,
             apparent_m: plant.apparent_m(chain.sensing_m, state.effective_a),
             actuated_m: chain.actuated_m,
-            load_m: chain.load_m,
+            load_m: chain.load_m + load_creep_m,
+            load_creep_m,
             frame_m: plant.chain.frame_m_per_n() * chain.load_force_n,
             opening_m: chain.opening_m,
             press_m: conditions.press_m,

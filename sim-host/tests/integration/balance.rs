@@ -82,6 +82,7 @@ fn they_hold_with_friction_and_a_pull_on_the_load() {
                 thickness_m: Some(6e-3),
             },
         )),
+        viscoelastic(4e3),
     ] {
         let setup = Setup {
             load,

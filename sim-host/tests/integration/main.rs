@@ -12,6 +12,7 @@ mod energy;
 mod links;
 mod native;
 mod pwm_coupling;
+mod relaxation;
 mod rig;
 mod robust;
 mod sensing_coil;

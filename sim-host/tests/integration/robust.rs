@@ -2,7 +2,9 @@
 
 use crate::common::*;
 use palpate_sim::Time;
-use palpate_sim::mechanics::{load::Load, press::Profile};
+use palpate_sim::mechanics::layer::CreepMode;
+use palpate_sim::mechanics::load::{LOAD_MODES, Load};
+use palpate_sim::mechanics::press::Profile;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Holder, Setup, World};
@@ -35,7 +37,13 @@ fn act() -> impl Strategy<Value = Act> {
 
 fn load() -> impl Strategy<Value = Load> {
     let spring = (0.0..8.0_f64).prop_map(|log| 10_f64.powf(log));
+    let mode = (0.0..10.0, -3.0..6.0_f64).prop_map(|(amplitude, log)| CreepMode {
+        amplitude,
+        tau_s: 10_f64.powf(log),
+    });
+    let relaxing = (spring.clone(), prop::array::uniform5(mode));
     prop_oneof![
+        4 => relaxing.prop_map(|(n_per_m, creep)| Load::Viscoelastic { n_per_m, creep }),
         1 => Just(Load::Rigid),
         4 => spring.clone().prop_map(|n_per_m| Load::Spring { n_per_m }),
         4 => (spring, 0.0..18.0_f64).prop_map(|(n_per_m, log)| Load::Hardening {
@@ -159,6 +167,13 @@ fn parameters_that_make_no_plant_are_refused() {
         Load::Hardening {
             n_per_m: 1e3,
             cubic_n_per_m3: -1.0,
+        },
+        Load::Viscoelastic {
+            n_per_m: 1e3,
+            creep: [CreepMode {
+                amplitude: 0.1,
+                tau_s: 0.0,
+            }; LOAD_MODES],
         },
     ] {
         let setup = Setup {

@@ -10,7 +10,7 @@ use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
     reference_limits,
 };
-use palpate_sim::mechanics::{load::Load, press::Profile};
+use palpate_sim::mechanics::{layer::CreepMode, load::Load, press::Profile};
 use palpate_sim::parameters::{Parameters, central, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
@@ -54,6 +54,16 @@ pub(crate) fn pressed(plant: &Parameters) -> Setup {
     }
 }
 
+/// A load that relaxes with time constants of 20 ms to 200 s.
+pub(crate) fn viscoelastic(n_per_m: f64) -> Load {
+    let taus_s = [0.02, 0.2, 2.0, 20.0, 200.0];
+    let creep = taus_s.map(|tau_s| CreepMode {
+        amplitude: 0.1,
+        tau_s,
+    });
+    Load::Viscoelastic { n_per_m, creep }
+}
+
 /// All values of a truth, as bits.
 pub(crate) fn bits(truth: &Truth) -> Vec<u64> {
     let energy = &truth.energy;
@@ -66,6 +76,7 @@ pub(crate) fn bits(truth: &Truth) -> Vec<u64> {
         truth.apparent_m,
         truth.actuated_m,
         truth.load_m,
+        truth.load_creep_m,
         truth.frame_m,
         truth.opening_m,
         truth.press_m,
