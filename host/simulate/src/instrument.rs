@@ -263,11 +263,15 @@ fn greatest_depth_m(stack: &Stack) -> f64 {
     REACH_M / (deepest * deeper)
 }
 
+/// Greatest peak current, A, that the supply drives through the warm coil.
+pub fn supply_limit_a(plant: &Parameters) -> f64 {
+    OF_SUPPLY * plant.current.limit_a(WARM * plant.thermal.resistance_ohm)
+}
+
 /// Peak current, A: that of the sensor design, or less if the supply cannot drive it through the
 /// warm coil. The supply's limit is rounded down to whole tenths of an ampere.
 fn affordable_peak_a(plant: &Parameters) -> f64 {
-    let warm_ohm = WARM * plant.thermal.resistance_ohm;
-    let affordable_a = OF_SUPPLY * plant.current.limit_a(warm_ohm);
+    let affordable_a = supply_limit_a(plant);
     let tenths = (affordable_a * 10.0).floor() / 10.0;
     tenths.min(plant.current.peak_a)
 }

@@ -1,6 +1,7 @@
 //! Search for the best train within the limits of heat, contact time and converter.
 
 use palpate_sim::electrical::reference_limits;
+use palpate_simulate::instrument::supply_limit_a;
 use palpate_wire::command::Settings;
 use rayon::prelude::*;
 
@@ -33,12 +34,6 @@ const RAMPS: [u8; 6] = [6, 8, 12, 16, 20, 24];
 const FALLS_S: [f32; 3] = [0.04, 0.06, 0.1];
 const RATES_HZ: [u16; 2] = [1_000, 2_000];
 const PEAKS_A: [f32; 3] = [8.0, 10.0, 12.0];
-
-/// Greatest peak current, relative to the current that the supply drives through the warm coil (as
-/// on the bench, host/simulate/src/instrument.rs), and resistance of the warm coil over that at
-/// rest.
-const OF_SUPPLY: f64 = 0.95;
-const WARM: f64 = 1.2;
 
 /// Multiple of the allowed energy beyond which the errors of a train are not computed.
 const FAR: f64 = 1.5;
@@ -218,9 +213,7 @@ impl TrainSearch<'_> {
     /// Checks that a train exceeds no limit of the instrument.
     fn allowed(&self, train: &RatedTrain) -> Result<(), TrainLimit> {
         let settings = &self.sensor.settings;
-        let current = &self.sensor.plant.current;
-        let resistance_ohm = WARM * self.sensor.plant.thermal.resistance_ohm;
-        let supply_a = OF_SUPPLY * current.limit_a(resistance_ohm);
+        let supply_a = supply_limit_a(&self.sensor.plant);
         let within = |is: bool, limit: TrainLimit| if is { Ok(()) } else { Err(limit) };
         let TrainHeat {
             energy_j,
