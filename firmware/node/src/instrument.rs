@@ -482,8 +482,8 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     }
 }
 
-/// Returns whether an order starts to write or erase flash, for which the bridge must be off. During the
-/// orders that follow it, the bridge stays off.
+/// Returns whether an order starts a save or erases the stored set. The bridge must be off before
+/// either, and stays off during the orders that complete a save.
 const fn changes_flash(order: &StorageOrder) -> bool {
     matches!(order, StorageOrder::Begin | StorageOrder::Erase)
 }

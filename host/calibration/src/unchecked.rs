@@ -1,4 +1,4 @@
-//! Reasons why a check gives no result, and its limits.
+//! Reasons why a check gives no result, and the limits beyond which it refuses a calibration.
 
 use std::fmt;
 

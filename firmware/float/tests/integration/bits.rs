@@ -31,8 +31,8 @@ fn check(a: u32, b: u32) {
     }
 }
 
-/// Returns the numbers at which the algorithms change: ends of the ranges, powers of two, and the
-/// neighbours of these.
+/// Returns numbers near which the algorithms take another branch, as bits: zero, subnormal numbers,
+/// powers of two and their neighbours, infinity and NaN, of both signs.
 fn edges() -> Vec<u32> {
     let mut edges = vec![0x7F80_0001, 0x7FFF_FFFF];
     for exponent in [

@@ -48,7 +48,7 @@ pub(crate) fn recording(file: &Path) {
     recording_of(file, &frames());
 }
 
-/// Frames of the wire's fixture, as in a recording.
+/// Frames of the fixture of `palpate_wire`, reduced to what a recording has: header and message.
 pub(crate) fn frames() -> Vec<Value> {
     let listing = include_str!("../../../../firmware/wire/fixture/v2-records.jsonl");
     let frames = listing.lines().map(|line| {

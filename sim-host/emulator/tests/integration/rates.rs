@@ -12,7 +12,7 @@ use palpate_wire::record::Acknowledgement;
 const RELEASES: [InterruptRelease; 2] =
     [InterruptRelease::StatusOnly, InterruptRelease::StatusOrData];
 
-/// A bench with this release of INTB and a running stream.
+/// A bench with a running stream, whose simulated chip releases INTB as `release` says.
 fn streaming(release: InterruptRelease) -> RecordedBoard {
     let chip = Settings {
         switches: Switches {

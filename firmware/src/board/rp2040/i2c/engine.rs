@@ -289,8 +289,8 @@ impl Reader {
         (self.first + self.waiting) % FRAMES
     }
 
-    /// Prepares the next part of its frame. Returns `false` if the results would be overwritten during
-    /// the read: the frame then ends.
+    /// Prepares the next part of this converter's frame. Returns `false` if the results would be
+    /// overwritten during the read: the frame then ends.
     #[inline(always)]
     fn prepare(&mut self) -> bool {
         let slot = self.slot();
@@ -331,7 +331,7 @@ impl Reader {
         NVIC::pend(Interrupt::PIO0_IRQ_0);
     }
 
-    /// Returns the extent of the next part of its frame.
+    /// Returns the extent of the next part of this converter's frame.
     #[inline(always)]
     fn extent(&self) -> Extent {
         if self.next == 0 {
@@ -341,7 +341,7 @@ impl Reader {
         }
     }
 
-    /// Ends a part of its frame; `end` is the first command after it.
+    /// Ends a part of this converter's frame; `end` is the index of the first command after the part.
     #[inline(always)]
     fn part_is_over(&mut self, end: usize) {
         let (slot, part) = (self.slot(), self.part);
@@ -359,7 +359,7 @@ impl Reader {
         }
     }
 
-    /// Ends its frame and queues it.
+    /// Ends this converter's frame and queues it.
     fn is_whole(&mut self) {
         self.part = 0;
         self.next = 0;

@@ -119,7 +119,7 @@ impl Arguments {
         Ok(Some((stack, plant)))
     }
 
-    /// Returns the sensor design with the emulated board's sensor.
+    /// Returns the sensor design, and the emulated board's sensor, which is drawn from it.
     pub(crate) fn stack_and_plant(&self) -> Result<(Stack, Parameters), Failure> {
         let stack = self.stack()?;
         let plant = draw(&stack, &disturbances()?, self.seed);

@@ -188,7 +188,7 @@ impl ControlProgress {
             } else {
                 ControlOutcome::Broken("data in the status stage (USB 2.0 8.5.3.1)")
             }),
-            // A repetition is acknowledged and dropped (8.6.4).
+            // A repeated packet is acknowledged and dropped (8.6.4).
             (Stage::StatusIn | Stage::DataIn, _) => None,
             (Stage::StatusOut, _) => Some(self.done()),
         }
