@@ -27,7 +27,8 @@
 use std::path::Path;
 
 use crate::mechanics::indented::{Indented, Material, Tip};
-use crate::mechanics::load::Load;
+use crate::mechanics::layer::CreepMode;
+use crate::mechanics::load::{LOAD_MODES, Load};
 use crate::stack::document::{FileError, TableSection};
 use crate::stack::quantity::Allowed;
 use crate::stack::{LoadError, Stack, checked_name, names, read};
@@ -62,7 +63,7 @@ pub struct Press {
 }
 
 const KEYS: [&str; 4] = ["stack", "disturbances", "except", "press"];
-const PRESS_KEYS: [&str; 11] = [
+const PRESS_KEYS: [&str; 13] = [
     "name",
     "load",
     "stiffness_N_per_m",
@@ -71,6 +72,8 @@ const PRESS_KEYS: [&str; 11] = [
     "modulus_Pa",
     "poisson_ratio",
     "thickness_m",
+    "creep",
+    "creep_time_s",
     "depth_m",
     "speed_m_per_s",
     "holder",
@@ -84,6 +87,9 @@ const RADIUS: Allowed = Allowed::new(1e-5, 0.1, "m");
 const MODULUS: Allowed = Allowed::new(1e3, 1e10, "Pa");
 const POISSON: Allowed = Allowed::new(0.0, 0.5, "");
 const THICKNESS: Allowed = Allowed::new(1e-4, 1.0, "m");
+/// Allowed creep of a load, in units of its instant compression.
+const CREEP: Allowed = Allowed::new(0.0, 10.0, "1");
+const CREEP_TIME: Allowed = Allowed::new(1e-3, 1e6, "s");
 /// Allowed depth, as in a stack file.
 const DEPTH: Allowed = Allowed::new(1e-6, 0.8e-3, "m");
 /// Allowed speed: from a press of a minute to a press of a few conversions.
@@ -160,8 +166,16 @@ fn press(section: &TableSection<'_>) -> Result<Press, FileError> {
 fn load(section: &TableSection<'_>) -> Result<Load, FileError> {
     const OF_A_SPRING: [&str; 1] = ["stiffness_N_per_m"];
     const OF_HARDENING: [&str; 2] = ["stiffness_N_per_m", "cubic_N_per_m3"];
+    const OF_RELAXING: [&str; 3] = ["stiffness_N_per_m", "creep", "creep_time_s"];
     const OF_A_TIP: [&str; 4] = ["radius_m", "modulus_Pa", "poisson_ratio", "thickness_m"];
-    let kinds = ["spring", "hardening", "pin", "ball", "rigid"];
+    let kinds = [
+        "spring",
+        "hardening",
+        "viscoelastic",
+        "pin",
+        "ball",
+        "rigid",
+    ];
     let kind = section.choice("load", &kinds.map(|kind| (kind, kind)))?;
     let stiffness = |key| section.number_within(key, &STIFFNESS);
     let (load, keys) = match kind {
@@ -176,11 +190,20 @@ fn load(section: &TableSection<'_>) -> Result<Load, FileError> {
             };
             (load, &OF_HARDENING[..])
         }
+        "viscoelastic" => {
+            let n_per_m = stiffness("stiffness_N_per_m")?;
+            let mut creep = [CreepMode::default(); LOAD_MODES];
+            creep[0] = CreepMode {
+                amplitude: section.number_within("creep", &CREEP)?,
+                tau_s: section.number_within("creep_time_s", &CREEP_TIME)?,
+            };
+            (Load::Viscoelastic { n_per_m, creep }, &OF_RELAXING[..])
+        }
         "pin" => (indented(section, Tip::Pin)?, &OF_A_TIP[..]),
         "ball" => (indented(section, Tip::Ball)?, &OF_A_TIP[..]),
         _ => (Load::Rigid, &[][..]),
     };
-    let others = OF_HARDENING.iter().chain(&OF_A_TIP);
+    let others = OF_HARDENING.iter().chain(&OF_RELAXING).chain(&OF_A_TIP);
     for key in others.filter(|key| !keys.contains(key)) {
         section.refuse(key, &format!("nothing, with load = {kind:?}"))?;
     }
@@ -213,5 +236,40 @@ fn describe(load: &Load) -> String {
         }
         Load::Viscoelastic { n_per_m, .. } => format!("{} N/mm, relaxing", n_per_m * 1e-3),
         Load::Rigid => "block".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RELAXING: &str = "stack = \"ultrasoft\"\ndisturbances = \"none\"\n[[press]]\n\
+        load = \"viscoelastic\"\nstiffness_N_per_m = 3e3\ncreep = 0.5\ncreep_time_s = 2\n";
+
+    #[test]
+    fn a_load_that_relaxes_has_one_mode() {
+        let scenario = Scenario::parse("mine.toml", RELAXING).unwrap();
+        let mut modes = [CreepMode::default(); LOAD_MODES];
+        modes[0] = CreepMode {
+            amplitude: 0.5,
+            tau_s: 2.0,
+        };
+        let [press] = scenario.presses.as_slice() else {
+            panic!("one press: {scenario:?}");
+        };
+        let n_per_m = 3e3;
+        let load = Load::Viscoelastic {
+            n_per_m,
+            creep: modes,
+        };
+        assert_eq!(
+            (press.load, press.name.as_str()),
+            (load, "3 N/mm, relaxing")
+        );
+        let spring = RELAXING.replace("viscoelastic", "spring");
+        let error = Scenario::parse("mine.toml", &spring)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("creep"), "{error}");
     }
 }

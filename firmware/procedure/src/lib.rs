@@ -17,6 +17,7 @@ mod link;
 mod list;
 mod machine;
 mod measurement;
+mod relaxation;
 mod steadiness;
 pub mod storage;
 mod stream;

@@ -22,6 +22,11 @@ impl Steadiness {
         2.5 * BLOCK.0.max(2.0 / rate_hz)
     }
 
+    /// Returns the mean deformation of the last whole block.
+    pub(crate) const fn mean(&self) -> Option<Metre> {
+        self.previous
+    }
+
     /// Takes a deformation, `interval` after the previous one. Returns its rate in m/s at the end of a
     /// block.
     pub(crate) fn push(&mut self, interval: Second, deformation: Metre) -> Option<f32> {

@@ -2,7 +2,7 @@
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
-use palpate_wire::record::{Estimate, Refusal, UncertaintyBudget};
+use palpate_wire::record::{Estimate, Refusal, Relaxation, UncertaintyBudget};
 
 /// Formats a stiffness in N/mm with three digits.
 pub fn stiffness(n_per_m: f64) -> String {
@@ -70,6 +70,31 @@ pub fn first_sentence(text: &str) -> &str {
     text.split_once(". ")
         .map_or(text, |(first, _)| first)
         .trim_end_matches('.')
+}
+
+/// Says how the object of a held press relaxes; two standard errors are the 95 % interval.
+pub fn relaxation(relaxation: &Relaxation) -> String {
+    let &Relaxation {
+        held_s,
+        relaxation,
+        standard_error,
+        ..
+    } = relaxation;
+    let percent = |part: f32| format!("{:.0} %", 100.0 * part);
+    let [lower, upper] = [-2.0, 2.0].map(|errors| relaxation + errors * standard_error);
+    if lower > 0.0 {
+        format!(
+            "The object gives way by {} in {held_s:.1} s (95 %: {} to {}), if the press does not move.",
+            percent(relaxation),
+            percent(lower),
+            percent(upper)
+        )
+    } else if upper < 0.0 {
+        format!("The press deepens in {held_s:.1} s by more than the sensor creeps: it moves.")
+    } else {
+        let limit = percent(upper);
+        format!("No relaxation in {held_s:.1} s beyond the sensor's own creep (less than {limit}).")
+    }
 }
 
 /// Returns the uncertainty budget of a measurement from the records of its result.
@@ -154,6 +179,25 @@ fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_relaxation_is_named_where_it_is_significant() {
+        let text = |part, standard_error| {
+            relaxation(&Relaxation {
+                measurement: 1,
+                held_s: 3.04,
+                relaxation: part,
+                standard_error,
+            })
+        };
+        assert_eq!(
+            text(0.12, 0.03),
+            "The object gives way by 12 % in 3.0 s (95 %: 6 % to 18 %), if the press does not move."
+        );
+        assert!(text(0.12, 0.07).contains("No relaxation in 3.0 s"));
+        assert!(text(0.02, 0.03).contains("(less than 8 %)"));
+        assert!(text(-0.12, 0.03).contains("it moves"));
+    }
 
     const BUDGET: UncertaintyBudget = UncertaintyBudget {
         measurement: 3,

@@ -37,13 +37,16 @@ const BASELINE: Time = Time::from_ms(800);
 const PATIENCE: Time = Time::from_ms(30_000);
 /// Simulated time after the result, in which the points of the load's curve arrive.
 const AFTERWARDS: Time = Time::from_ms(100);
+/// As [`AFTERWARDS`], for a load that relaxes: until the last record of its relaxation.
+const RELAXES_FOR: Time = Time::from_ms(3_300);
 
 /// Frequency at which a train measures a load that relaxes, in units of the train's rate.
 ///
 /// The falls are fitted by a straight line, after a hold at the peak. A mode of time constant τ adds
 /// the part 0.74, 0.30, 0.13 and 0.05 of its compliance at 20, 50, 100 and 200 ms on the default
-/// train of 10 Hz: that is 1/(1 + (2π f τ)²) at f = 4.8 Hz to 2 % of the load's stiffness, for
-/// modes of up to half of the instant compliance.
+/// train of 10 Hz: that is 1/(1 + (2π f τ)²) at f = 4.8 Hz to 4 % of the load's stiffness, for
+/// modes of up to half of the instant compliance and 20 ms or more (`cargo test -p
+/// palpate-campaigns a_train_sees_the_storage_compliance`).
 const OF_TRAIN_RATE: f64 = 0.48;
 
 /// Frequency at which a train measures a load that relaxes, Hz.
@@ -108,7 +111,9 @@ pub fn press_on<D: Device>(
     let hertz = train_hz(&instrument.settings);
     let (truth, true_n_per_m) =
         board.with_world(|world| (world.truth(), world.load_stiffness_n_per_m(hertz)));
-    let end = board.now() + AFTERWARDS;
+    let relaxes = how.load.mode_compliances().iter().any(|of| *of > 0.0);
+    let afterwards = if relaxes { RELAXES_FOR } else { AFTERWARDS };
+    let end = board.now() + afterwards;
     board.run_until(end)?;
     let frames = board.take_frames();
     let frame_m_per_n = plant.effective(&switches).press.frame_m_per_n;

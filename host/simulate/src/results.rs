@@ -4,11 +4,13 @@ use std::io::{self, Write};
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
-use palpate_cli::describe::{estimated, interval, stiffness};
+use palpate_cli::describe::{estimated, interval, relaxation, stiffness};
 use palpate_cli::failure::Failure;
 use palpate_cli::modulus::{Evaluated, pressure};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::switches::Switches;
+use palpate_wire::Record;
+use palpate_wire::record::Relaxation;
 use serde::Serialize;
 
 use crate::instrument::CalibratedInstrument;
@@ -45,6 +47,9 @@ struct ResultLine<'m> {
     modulus: Option<&'m Evaluated>,
     /// Reason for a missing estimate; absent otherwise.
     reason: Option<String>,
+    /// Last report of the object's relaxation; absent if there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relaxation: Option<&'m Relaxation>,
 }
 
 /// Prints one JSON object for each press.
@@ -62,6 +67,7 @@ pub fn print_json(row: &[Measured]) -> Result<(), Failure> {
             true_young_pa: measured.true_young_pa(),
             modulus: measured.pressed.modulus.as_ref(),
             reason: measured.verdict.reason(),
+            relaxation: measured.relaxation(),
         };
         writeln!(out, "{}", serde_json::to_string(&line)?)?;
     }
@@ -128,6 +134,11 @@ pub fn print(
     for text in row.iter().filter_map(Measured::modulus) {
         writeln!(out, "{text}")?;
     }
+    for measured in row {
+        if let Some(of) = measured.relaxation() {
+            writeln!(out, "{}: {}", measured.load, relaxation(of))?;
+        }
+    }
     writeln!(out, "{}", summary(row))?;
     Ok(())
 }
@@ -159,6 +170,18 @@ fn table(row: &[Measured]) -> Table {
 }
 
 impl Measured {
+    /// Last report of the object's relaxation, if it relaxes.
+    pub fn relaxation(&self) -> Option<&Relaxation> {
+        let records = self
+            .pressed
+            .records()
+            .filter_map(|(_, record)| match record {
+                Record::Relaxation(relaxation) => Some(relaxation),
+                _ => None,
+            });
+        records.last()
+    }
+
     /// Compares a press with its truth.
     pub fn new(load: String, pressed: PressOutcome) -> Self {
         let verdict = Verdict::of(&pressed);

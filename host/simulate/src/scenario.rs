@@ -27,7 +27,7 @@ Example, with creep and vibration only:
   except = [\"creep\", \"vibration\"]
 
   [[press]]
-  load = \"hardening\"            # spring, hardening, pin, ball or rigid
+  load = \"hardening\"            # spring, hardening, viscoelastic (with creep = 0.5 and creep_time_s = 2), pin, ball or rigid
   stiffness_N_per_m = 3e3
   cubic_N_per_m3 = 1e10
   depth_m = 0.3e-3              # of the sensing layer; optional, as the following

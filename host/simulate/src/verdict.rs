@@ -20,15 +20,20 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Returns the first result in the records.
+    /// Returns the first result of a press.
     pub fn of(pressed: &PressOutcome) -> Self {
-        let results = pressed.records().filter_map(|(_, record)| match record {
+        Self::of_records(pressed.records().map(|(_, record)| record))
+    }
+
+    /// Returns the first result in the records.
+    pub fn of_records<'r>(records: impl Iterator<Item = &'r Record>) -> Self {
+        let mut results = records.filter_map(|record| match record {
             Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
             Record::Refusal(refusal) => Some(Self::Refusal(refusal.clone())),
             Record::Fault(fault) => Some(Self::Fault(fault.clone())),
             _ => None,
         });
-        results.into_iter().next().unwrap_or(Self::Silence)
+        results.next().unwrap_or(Self::Silence)
     }
 
     /// Returns the estimate, if any.

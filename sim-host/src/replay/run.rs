@@ -299,6 +299,7 @@ pub(super) const fn is_computed(record: &Record) -> bool {
         Record::Sample(_)
             | Record::Estimate(_)
             | Record::UncertaintyBudget(_)
+            | Record::Relaxation(_)
             | Record::LoadPoint(_)
             | Record::Refusal(_)
     )

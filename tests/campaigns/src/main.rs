@@ -17,6 +17,7 @@ mod image;
 mod misfit;
 mod modulus;
 mod recordings;
+mod relaxation;
 mod series;
 mod sigma;
 mod springs;
@@ -67,6 +68,7 @@ enum Campaign {
     Misfit(misfit::Arguments),
     Modulus(modulus::Arguments),
     Recordings(recordings::Arguments),
+    Relaxation(relaxation::Arguments),
     Series(series::Arguments),
     Sigma(sigma::Arguments),
     Springs(springs::Arguments),
@@ -99,6 +101,7 @@ fn main() -> ExitCode {
         Campaign::Misfit(arguments) => failure::exit(misfit::run(&arguments)),
         Campaign::Modulus(arguments) => failure::exit(modulus::run(&arguments)),
         Campaign::Recordings(arguments) => failure::exit(recordings::run(&arguments)),
+        Campaign::Relaxation(arguments) => failure::exit(relaxation::run(&arguments)),
         Campaign::Series(arguments) => failure::exit(series::run(&arguments)),
         Campaign::Sigma(arguments) => sigma::run(&arguments),
         Campaign::Springs(arguments) => failure::exit(springs::run(&arguments)),

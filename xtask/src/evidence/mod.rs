@@ -232,6 +232,12 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "relaxation",
+        claim: "Objects that relax: the 95 % intervals contain their stiffness at the train's rate, or the press is refused; the relaxation is off by no more than its standard error says.",
+        command: "campaign relaxation --plants 12 --seed 1410001",
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "springs",
         claim: "A calibration by springs alone beside one with a load cell; how close good sessions come to the limits of the bench's checks.",
         command: "campaign springs --plants 50 --seed 30001",

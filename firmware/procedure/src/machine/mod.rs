@@ -24,6 +24,7 @@ use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
 use crate::link::Link;
 use crate::list::gathered;
+use crate::relaxation::HeldPress;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use state::{Budget, CoilTestState, FlaggedSince, Phase, Storage, Waiting, is_of_readings};
@@ -62,6 +63,8 @@ pub struct Procedure {
     budget: Budget,
     /// Number of the last measurement.
     measurement: u32,
+    /// Press that is held after an estimate.
+    held: Option<HeldPress>,
     followers: [[Option<Follower>; 4]; 2],
     /// Time of the last evaluated conversion of each channel.
     evaluated: [[Option<Instant>; 4]; 2],
@@ -124,6 +127,7 @@ impl Procedure {
             waiting: None,
             budget: Budget::new(),
             measurement: 0,
+            held: None,
             followers: Default::default(),
             evaluated: Default::default(),
             streamers: Default::default(),

@@ -14,6 +14,7 @@ use crate::event::{Failure, Scan};
 use crate::measurement::{
     Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
+use crate::relaxation::Level;
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span, together};
 
@@ -43,9 +44,10 @@ impl Procedure {
         interval: Second,
         out: &mut Out<'_>,
     ) {
-        let settings = &self.configuration.settings;
         let touch = deformation.map(|of| of.touch);
         let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
+        self.follow_held(deformation, out);
+        let settings = &self.configuration.settings;
         match &mut self.phase {
             Phase::SelfTest { good } => {
                 *good = if all_good { good.saturating_add(1) } else { 0 };
@@ -188,13 +190,33 @@ impl Procedure {
             let reason = RefusalReason::PressedTooLittle;
             return self.refuse(Reason::new(reason, Some(pressed_m), Some(least_m)), out);
         }
+        let before = Level {
+            at: out.now,
+            deformation: settling.steadiness.mean().unwrap_or(deformation.value),
+            mean_age: deformation.mean_age,
+        };
         // An automatic measurement may settle before the coil is tested; it then waits for the test.
         if self.coil_is_tested(out) {
-            self.begin_measurement(touched, out);
+            self.begin_measurement((touched, before), out);
         }
     }
 
-    fn begin_measurement(&mut self, touched: Instant, out: &mut Out<'_>) {
+    /// Follows a press that is held after its estimate, as long as the coil is at rest.
+    fn follow_held(&mut self, deformation: Option<Deformation>, out: &mut Out<'_>) {
+        let at_rest = matches!(self.phase, Phase::Reporting { .. } | Phase::Release { .. });
+        let steady_m_per_s = self.configuration.settings.steady_m_per_s;
+        match (&mut self.held, deformation) {
+            (Some(held), Some(deformation)) if at_rest && !deformation.is_untouched() => {
+                if let Some(record) = held.push(out.now, &deformation, steady_m_per_s) {
+                    out.record(Record::Relaxation(record));
+                }
+            }
+            (Some(_), None) if at_rest => {}
+            _ => self.held = None,
+        }
+    }
+
+    fn begin_measurement(&mut self, press: (Instant, Level), out: &mut Out<'_>) {
         if !self.check_all(out) {
             return;
         }
@@ -220,7 +242,7 @@ impl Procedure {
         let (settings, limits) = (&self.configuration.settings, &self.board.limits);
         let started = TrainDrive::start(settings, limits, out.now);
         let (measurement, line) =
-            Measurement::start(self.measurement, calibrated, touched, settings, started);
+            Measurement::start(self.measurement, calibrated, press, settings, started);
         // The records contain all inputs of an estimate, so that it can be recomputed from them. This
         // status contains the temperature.
         out.record(Record::Status(self.status()));
@@ -259,6 +281,7 @@ impl Procedure {
         }
         match outcome {
             MeasurementOutcome::Estimate(report) => {
+                self.held = measurement.held(&report.estimate, out.now);
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {
                     report,

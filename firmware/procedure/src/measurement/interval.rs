@@ -269,11 +269,12 @@ fn with_misfit(
     let limit = claim.standard_error.max(allowed * whole);
     // A misfit or limit of NaN is refused as well.
     if misfit.is_nan() || limit.is_nan() || misfit > limit {
-        return Err(Reason::new(
-            RefusalReason::Misfit,
-            Some(misfit),
-            Some(limit),
-        ));
+        let reason = if bend.is_some_and(|bend| bend.relative.value < 0.0) {
+            RefusalReason::Relaxes
+        } else {
+            RefusalReason::Misfit
+        };
+        return Err(Reason::new(reason, Some(misfit), Some(limit)));
     }
     Ok(claim.with_uncertainty(of(Bend::uncertainty)))
 }

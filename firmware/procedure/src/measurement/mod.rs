@@ -11,13 +11,14 @@ use palpate_model::ramp::RampSample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
-use palpate_wire::record::{Refusal, UncertaintyBudget};
+use palpate_wire::record::{Estimate, Refusal, UncertaintyBudget};
 
 use crate::board::Limits;
 use crate::configuration::Calibrated;
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
+use crate::relaxation::{HeldPress, Level};
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
 pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
@@ -62,6 +63,8 @@ pub(crate) struct Measurement {
     calibrated: Calibrated,
     /// Start of the touch.
     touched: Instant,
+    /// Steady press before the train.
+    before: Level,
     /// Sums over the falls, from the first sample on.
     ramps: Option<Ramps>,
     zero: ZeroAtTrain,
@@ -89,9 +92,9 @@ const BENCH_S: f32 = 1.5;
 
 /// Relative creep of the sensing layer while the age of the deformation grows by a factor of e: three
 /// modes of 6 % each, averaged over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
-const CREEP: f32 = 0.018;
+pub(crate) const CREEP: f32 = 0.018;
 /// Standard uncertainty of [`CREEP`], which ranges from zero to twice that value.
-const CREEP_UNCERTAINTY: f32 = 0.0104;
+pub(crate) const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 impl ZeroAtTrain {
     /// Computes the zero at the first sample of a train.
@@ -231,7 +234,7 @@ impl Measurement {
     pub(crate) fn start(
         number: u32,
         calibrated: Calibrated,
-        touched: Instant,
+        (touched, before): (Instant, Level),
         settings: &Settings,
         (drive, line): (TrainDrive, CurrentLine),
     ) -> (Self, CurrentLine) {
@@ -241,6 +244,7 @@ impl Measurement {
             drive,
             calibrated,
             touched,
+            before,
             ramps: None,
             zero: ZeroAtTrain::default(),
             two_states: TwoStates::default(),
@@ -255,6 +259,17 @@ impl Measurement {
     /// Takes the contributions to the interval, after an estimate or the refusal of a too uncertain one.
     pub(crate) const fn take_budget(&mut self) -> Option<UncertaintyBudget> {
         self.budget.take()
+    }
+
+    /// Returns the press that is held after this estimate.
+    pub(crate) fn held(&self, estimate: &Estimate, now: Instant) -> Option<HeldPress> {
+        let reference = self.ramps.as_ref()?.reference();
+        Some(HeldPress::new(
+            estimate,
+            reference.regressor(),
+            self.before,
+            now,
+        ))
     }
 
     /// Returns the start of the touch.

@@ -13,6 +13,7 @@ mod manual;
 mod phases;
 mod queue;
 mod refusals;
+mod relaxation;
 mod rest;
 mod storage;
 mod streams;

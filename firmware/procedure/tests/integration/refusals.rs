@@ -9,7 +9,7 @@ use crate::support::{Rig, clear};
 use palpate_procedure::units::Ampere;
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, FaultCode, Location, Part, RefusalReason, State};
-use palpate_wire::command::Springs;
+use palpate_wire::command::{Springs, Stiffening};
 use palpate_wire::record::{Refusal, UncertaintyBudget};
 
 /// Advances a rig to `ms` after the start of a train.
@@ -284,6 +284,20 @@ fn the_stiffening_is_not_the_calibrated_one() {
     // If the calibration's own trains bent by as much, the bend is no misfit, but widens the interval.
     let estimate = saturating(40.0, (0.0, 0.05)).measure();
     assert!(estimate.load_ratio_standard_error > 0.02, "{estimate:?}");
+}
+
+/// An object that relaxes bends the line as a stiffening does that saturates less than calibrated.
+#[test]
+fn the_line_bends_as_with_an_object_that_relaxes() {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+    rig.accepted(Command::SetStiffening(Stiffening {
+        field_at_peak_t: 1.0,
+        ..stiffening(&rig.sensor)
+    }));
+    rig.arm_and_touch();
+    let refusal = rig.refused();
+    assert_eq!(refusal.reason, RefusalReason::Relaxes, "{refusal:?}");
+    assert!(refusal.value > refusal.limit, "{refusal:?}");
 }
 
 #[test]

@@ -98,6 +98,27 @@ structure! {
 }
 
 structure! {
+    /// How much further the pressed object, with what it stands on, gives way at the same force. A
+    /// press that moves, as in a hand, cannot be told from it.
+    ///
+    /// The sensor itself creeps by 1.8 % of the deformation for each e-fold of the press's age, with a
+    /// standard uncertainty of 1.04 % for each of its layers: the first is subtracted, the second is
+    /// most of the standard error.
+    pub struct Relaxation {
+        /// Number of the measurement since the start, from 1.
+        measurement: u32,
+        /// Time for which the press was held, from the steady press before the train.
+        held_s: f32 ["s", 0, 1e4],
+        /// Growth of the compression at the same force in this time, in units of the force over the
+        /// stiffness of the estimate. For an object whose force is proportional to its compression it
+        /// is the relative growth of the compression.
+        relaxation: f32 ["1", -1e3, 1e3],
+        /// Standard error of the relaxation.
+        standard_error: f32 ["1", 0, 1e3],
+    }
+}
+
+structure! {
     /// Reason of a missing estimate.
     pub struct Refusal {
         /// Number of the measurement since the start, from 1; 0 if it did not start.

@@ -18,7 +18,7 @@ mod storage;
 
 pub use event::{Acknowledgement, CoilTest, CurrentTrace, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
-pub use measurement::{Estimate, LoadPoint, Refusal, UncertaintyBudget};
+pub use measurement::{Estimate, LoadPoint, Refusal, Relaxation, UncertaintyBudget};
 pub use sample::{Conversion, Raw, Sample};
 pub use storage::Storage;
 
@@ -89,6 +89,9 @@ messages! {
             CalibrationIdentity(CalibrationIdentity) = 0x1B "calibration_identity",
             /// Change of springs and rise with temperature: answer to `get_calibration`.
             TemperatureCoefficients(TemperatureCoefficients) = 0x1C "temperature_coefficients",
+            /// Relaxation of the pressed object: 0.2 s after the train of an estimate, and once more 3 s
+            /// after the press became steady, each if the press is still steady then.
+            Relaxation(Relaxation) = 0x21 "relaxation",
             /// Declared tip and object: answer to `get_calibration`.
             Tip(Tip) = 0x23 "tip",
         }

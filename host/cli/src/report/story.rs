@@ -1,9 +1,9 @@
 //! Samples and measurements for a report, collected from an instrument's records.
 
 use palpate_wire::Record;
-use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
+use palpate_wire::record::{Estimate, LoadPoint, Refusal, Relaxation, Sample};
 
-use crate::describe::limited_by;
+use crate::describe::{limited_by, relaxation};
 use crate::modulus::{DeclaredTip, Evaluated};
 use crate::train_line::{Train, TrainLine};
 
@@ -37,6 +37,8 @@ pub struct Measurement {
     pub limited_by: Option<String>,
     /// Modulus of the object, or why there is none; `None` if no tip is declared.
     pub modulus: Option<Evaluated>,
+    /// Last report of the object's relaxation, if the press was held.
+    pub relaxation: Option<Relaxation>,
     /// The line of its ramps.
     pub line: Option<TrainLine>,
     /// Points of the load's curve.
@@ -44,10 +46,14 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Modulus and hardness, and what limits the result.
+    /// Modulus and hardness, what limits the result, and the object's relaxation.
     pub fn text(&self) -> Vec<String> {
         let modulus = self.modulus.iter().flat_map(Evaluated::lines);
-        modulus.chain(self.limited_by.clone()).collect()
+        let relaxation = self.relaxation.as_ref().map(relaxation);
+        modulus
+            .chain(self.limited_by.clone())
+            .chain(relaxation)
+            .collect()
     }
 
     /// Whether a time, s, is within the measurement's shown range.
@@ -73,6 +79,11 @@ impl Story {
             Record::UncertaintyBudget(budget) => self.limited_by = Some(limited_by(&budget)),
             Record::Estimate(estimate) => self.ended(at_s, Ok(estimate), line),
             Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None),
+            Record::Relaxation(relaxation) => {
+                if let Some(last) = self.measurements.last_mut() {
+                    last.relaxation = Some(relaxation);
+                }
+            }
             Record::LoadPoint(point) => {
                 if let Some(last) = self.measurements.last_mut() {
                     last.points.push(point);
@@ -89,6 +100,7 @@ impl Story {
             modulus: estimate.and_then(|of| self.declared.evaluate(of)),
             result,
             limited_by: self.limited_by.take(),
+            relaxation: None,
             line,
             points: Vec::new(),
         });

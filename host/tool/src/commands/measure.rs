@@ -12,7 +12,7 @@ use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_cli::notice;
 use palpate_cli::quantity;
 use palpate_wire::code::State;
-use palpate_wire::record::Estimate;
+use palpate_wire::record::{Estimate, Relaxation};
 use palpate_wire::{Command, Record};
 use serde::Serialize;
 
@@ -61,6 +61,9 @@ const USUAL_LOAD: f64 = 1.0;
 const ARMING_S: f64 = 5.0;
 /// Longest wait for a result, s: settling of the press, coil test, train.
 const RESULT_S: f64 = 90.0;
+/// Longest wait for the object's relaxation after a result, s. It comes after 0.2 s, if the press is
+/// still held.
+const RELAXATION_S: f64 = 0.4;
 
 /// A line of the JSON output.
 #[derive(Serialize)]
@@ -82,6 +85,9 @@ struct MeasurementLine {
     /// Largest cause of the interval, and how to reduce it.
     #[serde(skip_serializing_if = "Option::is_none")]
     limited_by: Option<String>,
+    /// Relaxation of the object while the press was held.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relaxation: Option<Relaxation>,
     /// True stiffness of a simulated load with its support.
     #[serde(skip_serializing_if = "Option::is_none")]
     true_n_per_m: Option<f64>,
@@ -102,10 +108,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             notice::say("Press the object upon the sensor, and hold still.");
         }
         let estimate = measured(&mut link, arguments.wait)?;
+        let relaxation = link.wait_for(RELAXATION_S, "relaxation", |record| match record {
+            Record::Relaxation(relaxation) => Some(relaxation.clone()),
+            _ => None,
+        });
         let simulated = arguments.link.is_simulated(&link);
         let line = MeasurementLine {
             modulus: declared.evaluate(&estimate),
             limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
+            relaxation: relaxation.ok(),
             true_n_per_m: truth(&mut link),
             ..MeasurementLine::of(&estimate, simulated, configuration_crc)
         };
@@ -147,6 +158,7 @@ impl MeasurementLine {
             configuration_crc,
             modulus: None,
             limited_by: None,
+            relaxation: None,
             true_n_per_m: None,
         }
     }
@@ -158,6 +170,8 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
     let mut estimates = 0;
     let mut cause = None;
     let mut declared = DeclaredTip::default();
+    // Printed when the next result begins, so that it has the last report of the relaxation.
+    let mut last: Option<MeasurementLine> = None;
     while let Ok(()) = link.listen(PLAYED) {
         let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
         let simulated = arguments.link.is_simulated(link);
@@ -172,12 +186,22 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
                         limited_by: cause.take(),
                         ..MeasurementLine::of(&estimate, simulated, configuration_crc)
                     };
-                    print(&line, arguments.json)?;
+                    if let Some(before) = last.replace(line) {
+                        print(&before, arguments.json)?;
+                    }
+                }
+                Record::Relaxation(relaxation) => {
+                    if let Some(last) = &mut last {
+                        last.relaxation = Some(relaxation);
+                    }
                 }
                 Record::Refusal(refusal) => notice::say(describe::refusal(&refusal)),
                 _ => {}
             }
         }
+    }
+    if let Some(last) = last {
+        print(&last, arguments.json)?;
     }
     if estimates == 0 {
         return Err(Failure::Refused(format!(
@@ -248,8 +272,9 @@ fn print(line: &MeasurementLine, json: bool) -> Result<(), Failure> {
             .lines()
             .try_for_each(|text| writeln!(out, "  {text}"))?;
     }
-    match &line.limited_by {
-        Some(cause) => Ok(writeln!(out, "  {cause}")?),
-        None => Ok(()),
+    let relaxation = line.relaxation.as_ref().map(describe::relaxation);
+    for sentence in line.limited_by.iter().chain(&relaxation) {
+        writeln!(out, "  {sentence}")?;
     }
+    Ok(())
 }

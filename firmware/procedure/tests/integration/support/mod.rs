@@ -17,7 +17,7 @@ use palpate_procedure::{
 use palpate_wire::code::{Chip, FaultCode, Location, Outcome, ResetCause, State};
 use palpate_wire::command::{ClearFault, DriveCoil, Settings, StiffeningCurve};
 use palpate_wire::record::{
-    Acknowledgement, CoilTest, Estimate, Fault, Hello, LoadPoint, Raw, Refusal, Sample,
+    Acknowledgement, CoilTest, Estimate, Fault, Hello, LoadPoint, Raw, Refusal, Relaxation, Sample,
     StateChange, Status, Storage, UncertaintyBudget,
 };
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
@@ -595,6 +595,7 @@ contents! {
     LoadPoint: LoadPoint,
     Raw: Raw,
     Refusal: Refusal,
+    Relaxation: Relaxation,
     Sample: Sample,
     State: StateChange,
     Status: Status,

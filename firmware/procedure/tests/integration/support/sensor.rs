@@ -35,6 +35,8 @@ pub(crate) struct Sensor {
     pub(crate) crosstalk_growth_per_m: f64,
     /// Change of the deformation with time, added to the reading.
     pub(crate) creep: Creep,
+    /// Relaxation of the load: changes 1/c_L to (1 + d phi)/c_L.
+    pub(crate) relaxation: Creep,
     pub(crate) offset_m: f64,
     /// Half the width of the uniform noise of a reading.
     pub(crate) noise_m: f64,
@@ -48,13 +50,26 @@ pub(crate) struct Sensor {
 /// phi as a function of time in seconds.
 pub(crate) type Shape = fn(f64) -> f64;
 
-/// Changes x to x (1 + d phi), with size d, and phi as a function of the time since the train started.
+/// Changes x to x (1 + d phi), with size d, and phi as a function of the time since its start.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Creep {
     pub(crate) size: f64,
     /// Start time of phi, in seconds since start-up.
     pub(crate) since_s: f64,
     pub(crate) shape: Shape,
+}
+
+impl Creep {
+    const NONE: Self = Self {
+        size: 0.0,
+        since_s: 0.0,
+        shape: |_| 0.0,
+    };
+
+    /// Returns 1 + d phi at a time since start-up.
+    pub(crate) fn at(&self, time_s: f64) -> f64 {
+        1.0 + self.size * (self.shape)((time_s - self.since_s).max(0.0))
+    }
 }
 
 impl Default for Sensor {
@@ -69,11 +84,8 @@ impl Default for Sensor {
             attraction_n_per_a2: 0.0,
             crosstalk_m_per_a2: 0.0,
             crosstalk_growth_per_m: 0.0,
-            creep: Creep {
-                size: 0.0,
-                since_s: 0.0,
-                shape: |_| 0.0,
-            },
+            creep: Creep::NONE,
+            relaxation: Creep::NONE,
             offset_m: 0.0,
             noise_m: 0.0,
             stated: 2e-8,
@@ -92,27 +104,27 @@ impl Sensor {
         self.actuated_n_per_m * (1.0 + self.rise * stiffening)
     }
 
-    /// Presses until the sensing layer is deformed by `deformation_m` without current.
+    /// Presses until the sensing layer is deformed by `deformation_m` without current and relaxation.
     pub(crate) fn press(&mut self, deformation_m: f64) {
-        self.depth_m = deformation_m * self.compliance(0.0);
+        self.depth_m = deformation_m * self.compliance(0.0, self.relaxation.since_s);
     }
 
     /// Returns the total compliance relative to that of the sensing layer.
-    fn compliance(&self, current_a: f64) -> f64 {
+    fn compliance(&self, current_a: f64, time_s: f64) -> f64 {
         let s = self.sensing_n_per_m;
-        1.0 + s / self.load_n_per_m + s / self.actuated(current_a)
+        let load = s / self.load_n_per_m * self.relaxation.at(time_s);
+        1.0 + load + s / self.actuated(current_a)
     }
 
     /// Returns the true deformation x_S of the sensing layer, which the procedure can only measure.
     pub(crate) fn deformation_m(&self, current_a: f64, time_s: f64) -> f64 {
         let pull_m = self.attraction_n_per_a2 * current_a.powi(2) / self.actuated(current_a);
         let pressed = if self.depth_m > 0.0 {
-            (self.depth_m - pull_m) / self.compliance(current_a)
+            (self.depth_m - pull_m) / self.compliance(current_a, time_s)
         } else {
             0.0
         };
-        let creep = &self.creep;
-        pressed * (1.0 + creep.size * (creep.shape)((time_s - creep.since_s).max(0.0)))
+        pressed * self.creep.at(time_s)
     }
 
     /// Returns the converter's reading.

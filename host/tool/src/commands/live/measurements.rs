@@ -29,6 +29,8 @@ struct Measurement {
     modulus_text: Vec<String>,
     /// Largest cause of the interval and how to reduce it, if the board reported it.
     limited_by: Option<String>,
+    /// Relaxation of the object in words, if the press was held.
+    relaxation: Option<String>,
 }
 
 impl Measurement {
@@ -52,6 +54,7 @@ impl Measurement {
             modulus: None,
             modulus_text: Vec::new(),
             limited_by: None,
+            relaxation: None,
         })
     }
 }
@@ -74,11 +77,15 @@ impl Measurements {
         self.declared = DeclaredTip::default();
     }
 
-    /// Adds a record. Returns whether it ends a measurement.
+    /// Adds a record. Returns whether it ends a measurement or adds to the last one.
     pub(super) fn take(&mut self, record: &Record) -> bool {
         self.declared.take(record);
         if let Record::UncertaintyBudget(budget) = record {
             self.budget = Some(budget.clone());
+        }
+        if let (Record::Relaxation(relaxation), Some(last)) = (record, self.ended.back_mut()) {
+            last.relaxation = Some(describe::relaxation(relaxation));
+            return true;
         }
         let Some(mut measurement) = Measurement::of(record) else {
             return false;
@@ -124,6 +131,7 @@ mod tests {
     fn a_refusal_stands_beside_the_estimate_before_it() {
         let mut measurements = Measurements::default();
         assert!(!measurements.take(&fixture("uncertainty_budget")));
+        assert!(!measurements.take(&fixture("relaxation")));
         assert!(measurements.take(&fixture("estimate")));
         assert!(measurements.take(&fixture("refusal")));
         assert!(!measurements.take(&fixture("hello")));
@@ -136,6 +144,7 @@ mod tests {
         let limited_by = listed[0]["limited_by"].as_str().unwrap();
         assert!(limited_by.contains("+4.9 K"), "{limited_by}");
         assert!(listed[1]["limited_by"].is_null(), "{listed}");
+        assert!(listed[0]["relaxation"].is_null(), "{listed}");
         assert!(listed[1]["outcome"]["refusal"].is_string(), "{listed}");
         for _ in 0..KEPT {
             measurements.take(&fixture("refusal"));

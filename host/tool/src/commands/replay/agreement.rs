@@ -8,11 +8,12 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// Kinds of recomputed records, with their descriptions.
-const KINDS: [(&str, &str); 5] = [
+const KINDS: [(&str, &str); 6] = [
     ("sample", "samples (contact, deformation, force)"),
     ("estimate", "estimates (stiffness, interval)"),
     ("uncertainty_budget", "budgets of the intervals"),
     ("load_point", "points of the load's curve"),
+    ("relaxation", "relaxations of held presses"),
     ("refusal", "refusals"),
 ];
 

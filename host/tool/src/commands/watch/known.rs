@@ -36,6 +36,8 @@ pub(crate) struct Known {
     declared: DeclaredTip,
     /// Largest cause of the last interval and how to reduce it, if the board reported it.
     pub(crate) limited_by: Option<String>,
+    /// Relaxation of the last result's object, in words, if the press was held.
+    pub(crate) relaxation: Option<String>,
     #[serde(skip)]
     budget: Option<UncertaintyBudget>,
     pub(crate) faults: Vec<FaultCode>,
@@ -117,6 +119,9 @@ impl Known {
                 self.ended(MeasurementResult::Estimate(Box::new(estimate.clone())));
             }
             Record::Refusal(refusal) => self.refused(refusal),
+            Record::Relaxation(relaxation) => {
+                self.relaxation = Some(describe::relaxation(relaxation));
+            }
             Record::Fault(fault) => {
                 self.faults.retain(|code| *code != fault.code);
                 if fault.active {
@@ -139,6 +144,7 @@ impl Known {
         };
         self.result = Some((self.time_s, outcome));
         self.limited_by = self.budget.take().as_ref().map(limited_by);
+        self.relaxation = None;
     }
 
     /// Contact state, if known.

@@ -52,6 +52,7 @@ impl View {
             .iter()
             .flat_map(|text| text.splitn(2, ". "));
         lines.extend(sentences.map(|sentence| self.plain("", sentence)));
+        lines.extend(known.relaxation.iter().map(|text| self.plain("", text)));
         lines.push(self.losses(known));
         lines.extend(self.faults(known));
         let rows = self.rows.saturating_sub(1);

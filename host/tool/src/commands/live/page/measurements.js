@@ -53,13 +53,13 @@ export class Measurements {
     const refusal = last?.outcome.refusal;
     const details = [];
     if (estimated) {
-      const { number, time_ms, limited_by, modulus_text, outcome: { estimate } } = estimated;
+      const { number, time_ms, limited_by, relaxation, modulus_text, outcome: { estimate } } = estimated;
       say(at("stiffness"), value(estimate));
       say(at("interval"), estimate.upper_n_per_m == null
         ? `at least ${stiffness(estimate.lower_n_per_m)} (95\u00a0%)`
         : `between ${digits(estimate.lower_n_per_m * 1e-3, 3)} and ${stiffness(estimate.upper_n_per_m)} (95\u00a0%)`);
       say(at("modulus"), modulus_text.join("; "));
-      say(at("limited-by"), limited_by ?? "");
+      say(at("limited-by"), [limited_by, relaxation].filter(Boolean).join(" "));
       details.push(`Measurement ${number}, at ${estimate.force_n.toFixed(2)} N, ${age(now_ms - time_ms)}`);
     } else {
       say(at("modulus"), "");
