@@ -10,6 +10,7 @@
 
 use core::f64::consts::TAU;
 
+use crate::mechanics::contact::Contact;
 use crate::mechanics::load::Load;
 use crate::mechanics::press::Profile;
 use crate::parameters::{ParameterError, Parameters, RigParameters, STAGE_PITCH_M};
@@ -119,6 +120,21 @@ impl Rig {
         specimen: Specimen,
         warmer_k: f64,
     ) -> Result<Self, ParameterError> {
+        let centred = (Contact::default(), 0.0);
+        Self::placed(parameters, switches, (specimen, warmer_k), centred)
+    }
+
+    /// The bench as [`Rig::warmer`] with a specimen beside the centre or tilted, in a direction,
+    /// rad, on which only the noise depends.
+    ///
+    /// # Errors
+    /// As [`Rig::new`].
+    pub fn placed(
+        parameters: &Parameters,
+        switches: Switches,
+        (specimen, warmer_k): (Specimen, f64),
+        (contact, direction_rad): (Contact, f64),
+    ) -> Result<Self, ParameterError> {
         let mut parameters = parameters.effective(&switches);
         parameters.thermal.ambient_change_k = warmer_k;
         parameters.press.frame_m_per_n = parameters.rig.frame_m_per_n;
@@ -133,12 +149,19 @@ impl Rig {
         };
         // The seed changes only the noise: the specimens are already drawn.
         parameters.seed ^= warmer_k.to_bits();
+        if contact != Contact::default() {
+            parameters.seed ^= (1.0 + direction_rad).to_bits();
+        }
         let gauges = Gauges {
             parameters: parameters.rig,
             noise: Stream::named(parameters.seed, &format!("{name}.load_cell")),
         };
         let setup = Setup {
             load,
+            contact: Contact {
+                tilt_rad: contact.tilt_rad + parameters.rig.tilt_rad,
+                ..contact
+            },
             profile: Profile::at(-CLEARANCE_M),
             ..Setup::default()
         };

@@ -2,8 +2,9 @@
 
 use palpate_wire::Command;
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve, Springs,
-    Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    DeformationCurve, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
+    TemperatureEffect, Tip,
 };
 
 use crate::item::{Item, Key};
@@ -102,6 +103,7 @@ parts! {
     10, 1, whole SetCurrentCorrection(CurrentCorrection), _of => ONLY;
     11, 1, whole SetTemperatureCoefficients(TemperatureCoefficients), _of => ONLY;
     13, 1, whole SetTip(Tip), _of => ONLY;
+    18, 1, whole SetContact(ContactTolerance), _of => ONLY;
     // The identity is last, since it is checked against all other parts, including those of later
     // versions.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;

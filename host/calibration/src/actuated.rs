@@ -17,7 +17,6 @@ use super::curve::{PressCurve, chebyshev};
 use super::least_squares::System;
 use super::line::{FallSample, MOST_STEPS, SETTLED};
 use super::samples::{Fallen, SampleRun};
-use super::session::Pressed;
 use super::{Known, Signal, Unusable};
 
 /// Degree of the polynomial h(I): high enough for the deviations from a quadratic law that memory
@@ -103,28 +102,10 @@ impl Problem {
         frame_m_per_n: f64,
         known: &Known,
     ) -> Result<Self, Unusable> {
-        let sensing = known.sensing_n_per_m;
-        let prepare = |sample: &Fallen| FallSample {
-            time_s: sample.time_s,
-            deformation_m: crosstalk.without(force.at(sample.change) / sensing, sample.current_a),
-            current_a: sample.current_a,
-        };
-        let trains: Vec<Train> = runs
-            .iter()
-            .filter_map(|run| {
-                let (compliance, spring) = match run.pressed {
-                    Pressed::Nothing => return None,
-                    Pressed::Block => (0.0, false),
-                    Pressed::Spring { n_per_m } => (1.0 / n_per_m, true),
-                };
-                Some(Train {
-                    kappa: sensing * (compliance + frame_m_per_n),
-                    spring,
-                    tau_s: run.since_touch_s,
-                    samples: run.falls.iter().map(prepare).collect(),
-                })
-            })
-            .collect();
+        let scales = (known.sensing_n_per_m, frame_m_per_n);
+        let trains = runs.iter();
+        let trains = trains.filter_map(|run| Train::of(run, force, &crosstalk, scales));
+        let trains: Vec<Train> = trains.collect();
         let changes = runs.iter().flat_map(|run| &run.falls);
         let greatest = changes.map(|fallen| fallen.change).fold(0.0, f64::max);
         if greatest > force.greatest_change {
@@ -144,8 +125,8 @@ impl Problem {
         });
         let problem = Problem {
             trains,
-            sensing_n_per_m: sensing,
-            start_ratio: sensing / known.actuated_n_per_m,
+            sensing_n_per_m: known.sensing_n_per_m,
+            start_ratio: known.sensing_n_per_m / known.actuated_n_per_m,
             peak_a: f64::from(known.settings.peak_current_a),
             depth_m: sum_m / count,
             growing_m_per_a2: None,
@@ -349,6 +330,31 @@ impl Problem {
 }
 
 impl Train {
+    /// Prepares the train of a run; `None` without contact. `scales` are the nominal c_S, N/m, and the
+    /// compliance of the frame, m/N.
+    pub(crate) fn of(
+        run: &SampleRun,
+        force: &PressCurve,
+        crosstalk: &Crosstalk,
+        (sensing_n_per_m, frame_m_per_n): (f64, f64),
+    ) -> Option<Self> {
+        let compliance = run.pressed.compliance_m_per_n()?;
+        let prepare = |sample: &Fallen| {
+            let read_m = force.at(sample.change) / sensing_n_per_m;
+            FallSample {
+                time_s: sample.time_s,
+                deformation_m: crosstalk.without(read_m, sample.current_a),
+                current_a: sample.current_a,
+            }
+        };
+        Some(Self {
+            kappa: sensing_n_per_m * (compliance + frame_m_per_n),
+            spring: compliance > 0.0,
+            tau_s: run.since_touch_s,
+            samples: run.falls.iter().map(prepare).collect(),
+        })
+    }
+
     /// Factors of the train's own unknowns: constant, logarithmic, linear.
     fn drifts(&self, sample: &FallSample) -> [f64; 3] {
         [1.0, (sample.time_s / self.tau_s).ln_1p(), sample.time_s]

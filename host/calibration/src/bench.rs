@@ -9,6 +9,7 @@
 //! the deformation. The block is therefore pressed once more, without a train, until the coil's
 //! frequency is below that of all trains. The sensing layer's own curve then covers all trains.
 
+use std::f64::consts::TAU;
 use std::fmt;
 use std::time::Duration;
 
@@ -145,6 +146,35 @@ pub struct BenchPlan {
     pub speed_m_per_s: f64,
     /// Rest between press and train, s.
     pub rest_s: f64,
+    /// Tolerance of the contact whose effect is measured; zeros for the centred, flat one alone.
+    pub contact: ContactPlan,
+}
+
+/// Tolerance of the contact, with presses at its limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactPlan {
+    /// Greatest distance from the centre, m; 0 for no press beside it.
+    pub within_m: f64,
+    /// Greatest tilt, rad; 0 for no tilted press.
+    pub tilt_rad: f64,
+}
+
+impl ContactPlan {
+    /// Displaced presses of the block: four places at the rim, and the tilt to two opposite sides.
+    fn presses(&self) -> Vec<Pressed> {
+        let turns = |count: u8| (0..count).map(move |of| TAU * f64::from(of) / f64::from(count));
+        let beside = turns(if self.within_m > 0.0 { 4 } else { 0 });
+        let beside = beside.map(|direction_rad| Pressed::BlockBeside {
+            distance_m: self.within_m,
+            direction_rad,
+        });
+        let tilted = turns(if self.tilt_rad > 0.0 { 2 } else { 0 });
+        let tilted = tilted.map(|direction_rad| Pressed::BlockTilted {
+            angle_rad: self.tilt_rad,
+            direction_rad,
+        });
+        beside.chain(tilted).collect()
+    }
 }
 
 /// Forces of block on block, N, up to the force of a stiff sensor.
@@ -197,7 +227,13 @@ pub fn hold<E: From<BrokenOff>>(
         let run = pressing(bench, task, runs.first())?;
         runs.push(run);
     }
-    let lowest = runs.iter().map(|run| run.lowest_hz(f64::INFINITY));
+    let mut contact: Vec<Run> = Vec::new();
+    for task in plan.contact_tasks() {
+        let run = pressing(bench, task, runs.first())?;
+        contact.push(run);
+    }
+    let all = runs.iter().chain(&contact);
+    let lowest = all.map(|run| run.lowest_hz(f64::INFINITY));
     let lowest_hz = lowest.fold(f64::INFINITY, f64::min);
     let mut times = BEYOND_TRAINS * growth(&runs);
     let mut deepest_press = pressing(bench, plan.deepest(times), runs.first())?;
@@ -214,6 +250,7 @@ pub fn hold<E: From<BrokenOff>>(
     }
     let session = Session {
         runs,
+        contact,
         deepest_press,
         bare,
         temperature_c: bench.temperature_c(),
@@ -266,14 +303,25 @@ struct RunTask {
 }
 
 impl BenchPlan {
-    /// Runs with a train, in their order.
-    fn tasks(&self) -> Vec<RunTask> {
-        let with_train = |pressed, depth_m| RunTask {
+    fn with_train(&self, pressed: Pressed, depth_m: f64) -> RunTask {
+        RunTask {
             pressed,
             depth_m,
             speed_m_per_s: self.speed_m_per_s,
             train: true,
-        };
+        }
+    }
+
+    /// Presses of the block beside the centre and tilted, to the working depth.
+    fn contact_tasks(&self) -> Vec<RunTask> {
+        let presses = self.contact.presses().into_iter();
+        let presses = presses.map(|pressed| self.with_train(pressed, self.depth_m));
+        presses.collect()
+    }
+
+    /// Runs with a train, in their order.
+    fn tasks(&self) -> Vec<RunTask> {
+        let with_train = |pressed, depth_m| self.with_train(pressed, depth_m);
         let springs = self.springs_n_per_m.iter();
         let springs = springs.map(|&n_per_m| Pressed::Spring { n_per_m });
         let specimens = core::iter::once(Pressed::Block).chain(springs);
@@ -299,7 +347,7 @@ impl BenchPlan {
 
     /// Smallest number of runs: those with a train, and one press without a train.
     pub fn runs(&self) -> usize {
-        self.tasks().len() + 1
+        self.tasks().len() + self.contact_tasks().len() + 1
     }
 }
 

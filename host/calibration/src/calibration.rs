@@ -3,7 +3,7 @@
 use palpate_wire::Command;
 
 use super::adjustment::{Changes, QUANTITIES};
-use super::{Actuated, Crosstalk, Uncertainty, curve::PressCurve};
+use super::{Actuated, ContactEffect, Crosstalk, Uncertainty, curve::PressCurve};
 
 /// A coefficient and its standard uncertainty, 1/K.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,8 @@ pub struct Calibration {
     pub crosstalk: Crosstalk,
     /// Temperature coefficients of springs and rise; `Some` after sessions at two temperatures.
     pub coefficients: Option<Coefficients>,
+    /// Contacts within a tolerance; `None` for the centred, flat contact alone.
+    pub contact: Option<ContactEffect>,
     /// Data behind the calibration, for charts.
     pub basis: Basis,
     /// Force against the relative change of inductance, F(y).
@@ -66,6 +68,11 @@ pub struct Basis {
 }
 
 impl Calibration {
+    /// Mean deformation of all trains, m.
+    pub fn depth_m(&self) -> f64 {
+        self.depth_m
+    }
+
     /// Adds a relative standard uncertainty of the rise, for errors that have the signal's own
     /// shape and therefore show in no press: an error of the rise itself, and creep that ends
     /// before a train.

@@ -6,7 +6,8 @@
 //! ratio of the true to the measured W. The check corrects a share of this change: the variance of
 //! kappa due to the signal over the total variance of kappa. This is Kalman's filter (Trans. ASME
 //! 82D, 1960, p. 35) for one quantity. A constant error and one proportional to kappa remain. Their
-//! effect on the press counts as signal, so they cancel near the spring's kappa.
+//! effect on the press counts as signal, so they cancel near the spring's kappa. The
+//! uncertainties by place and tilt of the contact (`set_contact`) are the press's own: they stay.
 
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
@@ -322,7 +323,7 @@ fn grown(rise: f64, grows: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use palpate_sim::random::Stream;
-    use palpate_wire::command::{Attraction, Settings, TemperatureCoefficients};
+    use palpate_wire::command::{Attraction, ContactTolerance, Settings, TemperatureCoefficients};
 
     use super::*;
     use crate::made::{ATTRACTION_N_PER_A2, PEAK_A, RATIO, RISE, SENSING_N_PER_M};
@@ -540,6 +541,31 @@ mod tests {
             brought_to(&checked.commands, warm.temperature_c),
             checked.commands
         );
+    }
+
+    /// One press does not test other places and tilts: their tolerance stays, and what it adds to the
+    /// press's own standard error is no part of the signal's size.
+    #[test]
+    fn a_check_leaves_the_contacts_tolerance_as_it_is() {
+        let tolerance = Command::SetContact(ContactTolerance {
+            within_m: 1e-3,
+            tilt_rad: 2e-3,
+            rise_uncertainty: 0.02,
+            zero_uncertainty_m: 5e-6,
+        });
+        let mut commands = calibration(0.02);
+        commands.push(tolerance.clone());
+        let whole = 2.0 + RATIO;
+        let of_calibration = 0.02 / (1.0 + RISE) * whole;
+        let [exact, within] = [0.0, 0.03 * whole].map(|of_contact| {
+            let press = press(RISE * 1.02, of_calibration.hypot(of_contact));
+            check(&commands, &press).unwrap()
+        });
+        assert!(within.commands.contains(&tolerance));
+        assert!(within.rise_change > 0.0 && within.rise_change < 0.5 * exact.rise_change);
+        let [_, exact, _] = exact.uncertainty_after;
+        let [_, within, _] = within.uncertainty_after;
+        assert!(within > 1.2 * exact, "{within} {exact}");
     }
 
     #[test]

@@ -26,6 +26,8 @@ pub(crate) struct Findings<'a> {
     pub(crate) stiffening_of_signal: f64,
     /// Shallowest calibrated press, m.
     pub(crate) least_press_m: f64,
+    /// Standard uncertainty of the deformation's zero, m.
+    pub(crate) zero_uncertainty_m: f64,
 }
 
 /// Knots of a curve: the protocol's maximum.
@@ -66,7 +68,7 @@ impl Findings<'_> {
                 actuated_n_per_m: (self.known.sensing_n_per_m / self.actuated.ratio) as f32,
                 actuated_uncertainty: 0.0,
                 force_scale_uncertainty: self.uncertainty.scale as f32,
-                zero_uncertainty_m: 0.0,
+                zero_uncertainty_m: self.zero_uncertainty_m as f32,
                 bend: self.uncertainty.bend as f32,
             }),
         ]);

@@ -1,11 +1,11 @@
 //! Force or travel of the stage against relative change of inductance, and the compliance of the
 //! bench's frame.
 
-use crate::session::Pressed;
+use crate::session::{Pressed, Session};
 
-use super::Unusable;
 use super::least_squares::System;
-use super::samples::SampleRun;
+use super::samples::{self, SampleRun};
+use super::{Known, Unusable};
 
 /// Degree of the polynomial through the quick presses: 7 fits the coil's own curve between two
 /// slabs as well as 9.
@@ -29,6 +29,27 @@ pub(crate) struct PressCurve {
 impl PressCurve {
     /// Fits the force against the change of inductance, from the presses onto the block.
     pub(crate) fn of_force(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
+        Self::of_force_with(runs, deepest, &[]).map(|(curve, _)| curve)
+    }
+
+    /// Fits the same curve with a constant. Returns the constant, N: it is below zero where the force
+    /// begins after the change of inductance, as under a tilted block, which touches with its edge
+    /// first.
+    pub(crate) fn force_at_zero_n(
+        runs: &[SampleRun],
+        deepest: &SampleRun,
+    ) -> Result<f64, Unusable> {
+        let (_, others) = Self::of_force_with(runs, deepest, &[1.0])?;
+        let missing = Unusable::Missing("press upon the block");
+        others.first().copied().ok_or(missing)
+    }
+
+    /// Fits the force with further terms, which are the same for every sample.
+    fn of_force_with(
+        runs: &[SampleRun],
+        deepest: &SampleRun,
+        further: &[f64],
+    ) -> Result<(Self, Vec<f64>), Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
         let presses = presses.chain([deepest]);
         let samples = presses.flat_map(|run| &run.press);
@@ -39,17 +60,18 @@ impl PressCurve {
         if greatest_change <= 0.0 {
             return Err(Unusable::Missing("press upon the block"));
         }
-        let mut system = System::new(DEGREE);
+        let mut system = System::new(DEGREE + further.len());
         for (change, force_n) in &points {
             let terms = chebyshev(change / greatest_change).take(DEGREE);
-            system.add(terms.map(|(value, _)| value).collect(), *force_n, 1.0);
+            let row = terms.map(|(value, _)| value).chain(further.iter().copied());
+            system.add(row.collect(), *force_n, 1.0);
         }
         let greatest_n = points
             .iter()
             .map(|(_, force_n)| *force_n)
             .fold(0.0, f64::max);
         let what = "force against inductance";
-        Self::with_others(system, greatest_change, greatest_n, what).map(|(curve, _)| curve)
+        Self::with_others(system, greatest_change, greatest_n, what)
     }
 
     /// Solves a system whose first unknowns are the curve's coefficients. Returns the curve and the
@@ -129,6 +151,26 @@ pub(crate) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
         value = (value.1, 2.0 * t * value.1 - value.0);
         term
     })
+}
+
+/// Deformation of the sensing layer at which the force on the block begins, m, by the nominal c_S;
+/// above zero where the block is tilted in all presses.
+///
+/// # Errors
+/// If the presses onto the block do not determine it.
+pub fn zero_shift_m(session: &Session, known: &Known) -> Result<f64, Unusable> {
+    let (runs, deepest) = samples::of_session(session, known)?;
+    zero_shift_of(&runs, &deepest, known)
+}
+
+/// As [`zero_shift_m`], from prepared runs.
+pub(crate) fn zero_shift_of(
+    runs: &[SampleRun],
+    deepest: &SampleRun,
+    known: &Known,
+) -> Result<f64, Unusable> {
+    let force_n = PressCurve::force_at_zero_n(runs, deepest)?;
+    Ok(-force_n / known.sensing_n_per_m)
 }
 
 /// Compliance of the bench's frame, m/N, from forces in N and positions of the stage in m, block on

@@ -2,9 +2,11 @@
 
 use super::adjustment::{self, Adjusted, Layer};
 use super::commands::Findings;
-use super::curve::{PressCurve, frame};
+use super::curve::{PressCurve, frame, zero_shift_of};
 use super::session::{Pressed, Session};
-use super::{Basis, Calibration, Crosstalk, Known, Unusable, actuated, claim, samples, travel};
+use super::{
+    Basis, Calibration, Crosstalk, Known, Unusable, actuated, claim, contact, samples, travel,
+};
 
 /// Evaluates a session.
 ///
@@ -21,8 +23,18 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         Some(gain) => with_load_cell(session, &runs, &deepest_press, gain, known)?,
         None => by_springs(&runs, &deepest_press, known)?,
     };
+    let zero_uncertainty_m = match known.load_cell_gain {
+        Some(_) => of_zero(zero_shift_of(&runs, &deepest_press, known)?),
+        None => 0.0,
+    };
     let adjusted = adjustment::adjust(&fit, crosstalk, known.spring_tolerance)?;
     let uncertainty = claim::uncertainty(&adjusted, open, known)?;
+    let displaced = samples::of_runs(&session.contact, known)?;
+    let contact = contact::effect(&displaced, &runs, (&force, &adjusted))?;
+    if let Some(effect) = &contact {
+        let allowed = known.settings.greatest_error.into();
+        effect.check(&uncertainty, &adjusted.layer, allowed)?;
+    }
     let least_press_m = WITHIN * fit.problem.shallowest_m();
     let Adjusted {
         layer,
@@ -47,9 +59,13 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         uncertainty: &uncertainty,
         stiffening_of_signal,
         least_press_m,
+        zero_uncertainty_m,
     };
+    let mut commands = findings.commands();
+    commands.extend(contact.map(|of| of.command(&actuated)));
     Ok(Calibration {
-        commands: findings.commands(),
+        commands,
+        contact,
         sensing_n_per_m: known.sensing_n_per_m,
         actuated,
         stiffening_of_signal,
@@ -143,6 +159,20 @@ fn by_springs(
             frame_m_per_n: travel::FRAME_M_PER_N / 3_f64.sqrt(),
         },
     })
+}
+
+/// Shift of the force's zero on the block, m, up to which it is noise: three times the greatest one of
+/// 40 flat benches (`Check::ForceBegins`).
+const NOISE_OF_ZERO_M: f64 = 0.4e-6;
+
+/// Standard uncertainty of the zero, m, for the deformation at which the force on the block begins, m. The
+/// bench was tilted then, and a flat contact in use reads too little by this deformation.
+fn of_zero(shift_m: f64) -> f64 {
+    if shift_m > NOISE_OF_ZERO_M {
+        shift_m
+    } else {
+        0.0
+    }
 }
 
 /// Depth of the shallowest press allowed in use, over that of the shallowest train: creep and drift

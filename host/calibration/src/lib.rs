@@ -11,6 +11,7 @@
 //!    current, attraction, and growth of the cross-talk, by least squares.
 //! 4. `adjustment`: adjusts five of these quantities to the load that each train gives by itself.
 //! 5. `claim`: the uncertainty from the trains' scatter and the springs' tolerance.
+//! 6. `contact`: what place and tilt of the contact change, by displaced presses of the block.
 //!
 //! [`evaluate_both`] takes sessions of the same bench at two temperatures and determines the
 //! temperature coefficients of springs and rise.
@@ -27,6 +28,7 @@ mod check;
 pub mod checks;
 mod claim;
 mod commands;
+mod contact;
 mod crosstalk;
 mod curve;
 mod evaluation;
@@ -50,8 +52,9 @@ pub use actuated_layer::Actuated;
 pub use calibration::{Basis, Calibration, Coefficient, Coefficients};
 pub use check::{Checked, KnownPress, check};
 pub use claim::{LOADS, Parts, Uncertainty};
+pub use contact::ContactEffect;
 pub use crosstalk::Crosstalk;
-pub use curve::frame;
+pub use curve::{frame, zero_shift_m};
 pub use evaluation::evaluate;
 pub use fall::Fall;
 pub use known::Known;

@@ -81,9 +81,14 @@ pub(crate) fn of_session(
     session: &Session,
     known: &Known,
 ) -> Result<(Vec<SampleRun>, SampleRun), Unusable> {
+    let deepest = SampleRun::new(&session.deepest_press, &known.settings)?;
+    Ok((of_runs(&session.runs, known)?, deepest))
+}
+
+/// Prepares runs with a train.
+pub(crate) fn of_runs(runs: &[Run], known: &Known) -> Result<Vec<SampleRun>, Unusable> {
     let of = |run: &Run| SampleRun::new(run, &known.settings);
-    let runs = session.runs.iter().map(of).collect::<Result<_, _>>()?;
-    Ok((runs, of(&session.deepest_press)?))
+    runs.iter().map(of).collect()
 }
 
 /// Reading of a gauge at the middle of a conversion, interpolated between the readings before and

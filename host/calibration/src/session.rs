@@ -31,6 +31,32 @@ pub enum Pressed {
         /// Nominal stiffness, N/m.
         n_per_m: f64,
     },
+    /// The block beside the centre.
+    BlockBeside {
+        /// Distance from the centre, m.
+        distance_m: f64,
+        /// Direction, rad.
+        direction_rad: f64,
+    },
+    /// The block tilted.
+    BlockTilted {
+        /// Angle between its face and the sensor's, rad.
+        angle_rad: f64,
+        /// Direction of the edge that touches first, rad.
+        direction_rad: f64,
+    },
+}
+
+impl Pressed {
+    /// Compliance of the specimen, m/N; zero for the block, `None` without a specimen.
+    #[must_use]
+    pub fn compliance_m_per_n(self) -> Option<f64> {
+        match self {
+            Self::Nothing => None,
+            Self::Spring { n_per_m } => Some(1.0 / n_per_m),
+            Self::Block | Self::BlockBeside { .. } | Self::BlockTilted { .. } => Some(0.0),
+        }
+    }
 }
 
 /// One press with its train of ramps.
@@ -108,6 +134,9 @@ impl Run {
 pub struct Session {
     /// The runs.
     pub runs: Vec<Run>,
+    /// Presses of the block beside the centre and tilted, with a train each.
+    #[serde(default)]
+    pub contact: Vec<Run>,
     /// A press onto the block without a train, to a lower frequency than that of any run, in the
     /// same time as the deepest press of the runs.
     pub deepest_press: Run,
@@ -125,7 +154,8 @@ impl Session {
 
     /// Removes all data of the load cell.
     pub fn without_load_cell(mut self) -> Self {
-        let runs = self.runs.iter_mut().chain([&mut self.deepest_press]);
+        let runs = self.runs.iter_mut().chain(&mut self.contact);
+        let runs = runs.chain([&mut self.deepest_press]);
         for line in runs.flat_map(|run| &mut run.lines) {
             line.force_n = None;
         }

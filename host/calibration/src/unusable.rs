@@ -39,6 +39,13 @@ pub enum Unusable {
         /// Greatest value that the settings allow.
         allowed: f64,
     },
+    /// The tolerance of the contact leaves too large an uncertainty.
+    ContactTooWide {
+        /// Relative standard uncertainty of 1/c_L of a load of c_S.
+        at_sensing: f64,
+        /// Greatest value that the settings allow.
+        allowed: f64,
+    },
     /// The signal of the actuated layer's stiffening is too small.
     StiffensTooLittle(Signal),
     /// The signal is clear, but the trains contradict three springs in series.
@@ -132,6 +139,15 @@ impl fmt::Display for Unusable {
                  the trains contradict each other, or the attraction of the actuated layer's halves \
                  cancels nearly all of the stiffening. Fasten specimen and stage and calibrate again; \
                  if the error remains, the layer needs a larger gap or a stronger field",
+                at_sensing * 100.0,
+                allowed * 100.0
+            ),
+            Self::ContactTooWide {
+                at_sensing,
+                allowed,
+            } => write!(
+                f,
+                "with contacts within this tolerance a load of c_S would be uncertain by {:.0} %, and the                  settings allow {:.0} %: state a smaller distance or tilt, and guide the objects so that they                  stay within it",
                 at_sensing * 100.0,
                 allowed * 100.0
             ),

@@ -2,6 +2,7 @@
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
+use palpate_wire::command::ContactTolerance;
 use palpate_wire::record::{Estimate, Refusal, Relaxation, UncertaintyBudget};
 
 /// Formats a stiffness in N/mm with three digits.
@@ -27,6 +28,28 @@ pub fn interval(estimate: &Estimate) -> String {
         Some(upper) => format!("{lower} to {}", stiffness(upper.into())),
         None => format!("{lower} or more"),
     }
+}
+
+/// Formats the contacts for which an interval holds; `None` for the calibrated contact alone.
+pub fn contact(tolerance: Option<&ContactTolerance>) -> String {
+    let of = |value: fn(&ContactTolerance) -> f32| tolerance.map_or(0.0, |of| f64::from(value(of)));
+    let (within_mm, tilt_deg) = (
+        1e3 * of(|of| of.within_m),
+        of(|of| of.tilt_rad).to_degrees(),
+    );
+    let place = (within_mm > 0.0).then(|| format!("within {} mm of the centre", short(within_mm)));
+    let tilt = (tilt_deg > 0.0).then(|| format!("tilted by at most {} deg", short(tilt_deg)));
+    match (place, tilt) {
+        (None, None) => "as on the bench (centred, flat)".to_owned(),
+        (Some(place), None) => format!("{place}, flat"),
+        (None, Some(tilt)) => format!("centred, {tilt}"),
+        (Some(place), Some(tilt)) => format!("{place}, {tilt}"),
+    }
+}
+
+/// Formats a number with two decimals at most.
+fn short(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0
 }
 
 /// Formats a refusal with its numbers.

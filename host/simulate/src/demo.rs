@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
@@ -108,6 +109,7 @@ pub fn measure(
     let how = Press {
         name: name.clone(),
         load,
+        contact: Contact::default(),
         holder: Holder::Stand,
         clearance_m: CLEARANCE_M,
         depth_m: depth * instrument.depth_m,

@@ -70,6 +70,7 @@ pub fn press(
 ) -> Result<PressOutcome, Failure> {
     let setup = Setup {
         load: how.load,
+        contact: how.contact,
         holder: how.holder,
         profile: Profile::at(-how.clearance_m),
         ..Setup::default()

@@ -2,10 +2,12 @@
 
 use std::fmt::Display;
 
-use palpate_calibration::bench::{self, BenchPlan};
+use clap::Args;
+use palpate_calibration::bench::{self, BenchPlan, ContactPlan};
 use palpate_calibration::session::{Run, Session};
 use palpate_calibration::{Calibration, Known, evaluate, evaluate_both};
 use palpate_cli::failure::Failure;
+use palpate_cli::quantity::within;
 use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
@@ -91,8 +93,7 @@ impl CalibratedInstrument {
         settings: &Settings,
     ) -> Result<Self, Failure> {
         let task = BenchTask::of(&plant, stack, switches, settings);
-        let session = task.session(&plant, switches, 0.0)?;
-        Self::of_session(&session, task, plant, switches)
+        Self::on_bench(task, plant, switches)
     }
 
     /// Draws a plant and calibrates it on its bench at two temperatures.
@@ -105,6 +106,25 @@ impl CalibratedInstrument {
     ) -> Result<Self, Failure> {
         let plant = draw(stack, disturbances, seed);
         let task = BenchTask::of(&plant, stack, switches, settings);
+        Self::twice_on_bench(task, plant, switches)
+    }
+
+    /// Calibrates a plant on its bench.
+    pub fn on_bench(
+        task: BenchTask,
+        plant: Parameters,
+        switches: Switches,
+    ) -> Result<Self, Failure> {
+        let session = task.session(&plant, switches, 0.0)?;
+        Self::of_session(&session, task, plant, switches)
+    }
+
+    /// Calibrates a plant on its bench at two temperatures.
+    pub fn twice_on_bench(
+        task: BenchTask,
+        plant: Parameters,
+        switches: Switches,
+    ) -> Result<Self, Failure> {
         let [first, second] = task.both_sessions(&plant, switches)?;
         let calibration = evaluate_both(&first, &second, &task.known).map_err(unusable)?;
         Self::with(calibration, &first, task, plant, switches)
@@ -147,6 +167,40 @@ fn unusable(error: impl Display) -> Failure {
     Failure::Refused(format!("calibration: {error}"))
 }
 
+/// Contacts for which a calibration is to hold.
+#[derive(Args, Clone, Debug)]
+pub struct ContactArguments {
+    /// Measure on the bench what contacts beside the centre change, by four presses of the block at this
+    /// distance: intervals then hold for contacts within it
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = within(0.0, 10.0, "mm"))]
+    contact_within: f64,
+    /// Measure on the bench what tilted contacts change, by two presses of the block tilted by this angle:
+    /// intervals then hold for tilts up to it
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = within(0.0, 5.0, "degrees"))]
+    contact_tilt: f64,
+}
+
+impl ContactArguments {
+    /// The presses on the bench.
+    pub fn plan(&self) -> ContactPlan {
+        ContactPlan {
+            within_m: 1e-3 * self.contact_within,
+            tilt_rad: self.contact_tilt.to_radians(),
+        }
+    }
+
+    /// The tolerance in words, for the end of a sentence; empty without one.
+    pub fn words(&self) -> String {
+        if self.plan() == ContactPlan::default() {
+            return String::new();
+        }
+        format!(
+            ", for contacts within {} mm of the centre and tilted by at most {} deg",
+            self.contact_within, self.contact_tilt
+        )
+    }
+}
+
 /// Plan and prior data for the bench of a plant.
 #[derive(Clone)]
 pub struct BenchTask {
@@ -178,7 +232,10 @@ impl BenchTask {
         switches: Switches,
     ) -> Result<[Session; 2], Failure> {
         let first = self.session(plant, switches, 0.0)?;
-        Ok([first, self.session(plant, switches, WARMER_K)?])
+        // The effect of the contact is that of the first session.
+        let mut second = self.clone();
+        second.plan.contact = ContactPlan::default();
+        Ok([first, second.session(plant, switches, WARMER_K)?])
     }
 
     /// Creates the plan for a plant of this sensor design.
@@ -199,6 +256,7 @@ impl BenchTask {
             springs_n_per_m: SPRINGS.map(|ratio| ratio * sensing_n_per_m).to_vec(),
             speed_m_per_s: SPEED_M_PER_S,
             rest_s: REST_S,
+            contact: ContactPlan::default(),
         };
         let known = Known {
             settings: settings.clone(),

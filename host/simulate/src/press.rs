@@ -3,6 +3,7 @@
 use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::indented;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::world::Holder;
@@ -19,6 +20,8 @@ pub struct Press {
     pub name: String,
     /// The object.
     pub load: Load,
+    /// Where and how the object lies on the sensor.
+    pub contact: Contact,
     /// What holds the press: a stand or a hand.
     pub holder: Holder,
     /// Initial distance of the object above the sensor, m.
@@ -211,6 +214,7 @@ mod tests {
                 n_per_m: 2e3,
                 cubic_n_per_m3: 3e10,
             },
+            contact: Contact::default(),
             holder: Holder::Stand,
             clearance_m: CLEARANCE_M,
             depth_m: instrument.depth_m,

@@ -6,6 +6,7 @@ use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::jsonl::{self, Note};
 use palpate_cli::output::{OutputFile, distinct};
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::scenario::{self, Scenario};
 use palpate_sim::stack::{Disturbances, LoadError};
 
@@ -27,7 +28,8 @@ Example, with creep and vibration only:
   except = [\"creep\", \"vibration\"]
 
   [[press]]
-  load = \"hardening\"            # spring, hardening, viscoelastic (with creep = 0.5 and creep_time_s = 2), pin, ball or rigid
+  load = \"hardening\"            # spring, hardening, pin, ball, rigid; viscoelastic:
+                                # with creep = 0.5 and creep_time_s = 2
   stiffness_N_per_m = 3e3
   cubic_N_per_m3 = 1e10
   depth_m = 0.3e-3              # of the sensing layer; optional, as the following
@@ -115,6 +117,7 @@ fn measure(
     let how = Press {
         name: what.name.clone(),
         load: what.load,
+        contact: Contact::default(),
         holder: what.holder,
         clearance_m: CLEARANCE_M,
         depth_m: what.depth_m.unwrap_or(instrument.depth_m),

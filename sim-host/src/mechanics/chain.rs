@@ -1,5 +1,6 @@
 //! Balance of the springs in series.
 
+use super::contact::Closing;
 use super::friction::{FrictionParameters, FrictionState};
 use super::layer::{KelvinStep, LayerParameters, MODES, Response, creep_rate, decays};
 use super::load::{LOAD_MODES, Load};
@@ -19,6 +20,7 @@ pub struct Chain {
     sensing: LayerParameters,
     actuated: LayerParameters,
     friction: FrictionParameters,
+    closing: Closing,
     sensing_modes: [f64; MODES],
     actuated_modes: [f64; MODES],
     load_modes: [f64; LOAD_MODES],
@@ -54,8 +56,10 @@ pub struct ChainState {
     pub actuated_force_n: f64,
     /// x_L without creep: compression of the load's instant spring, m.
     pub load_m: f64,
-    /// x_S, m.
+    /// x_S, m, with the gap under a tilted contact.
     pub sensing_m: f64,
+    /// Displacement of the gap under a tilted contact, m.
+    pub gap_m: f64,
     /// x_D, m.
     pub actuated_m: f64,
     /// Distance between load and sensor, m; zero in contact.
@@ -103,6 +107,8 @@ pub(crate) struct Rates {
     pub(crate) in_contact: bool,
     /// Whether the friction's slider sticks while these rates hold.
     pub(crate) sticks: bool,
+    /// Whether the gap under a tilted contact is closed while these rates hold.
+    pub(crate) closed: bool,
 }
 
 /// The chain other than the sensing layer, at the end of a step.
@@ -124,19 +130,27 @@ struct Solution {
     load_force_n: f64,
     load_m: f64,
     sensing_m: f64,
+    gap_m: f64,
     opening_m: f64,
+}
+
+impl Solution {
+    /// Displacement of the sensing layer itself, m.
+    fn layer_m(&self) -> f64 {
+        self.sensing_m - self.gap_m
+    }
 }
 
 impl Chain {
     /// A chain at rest.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         load: Load,
         frame_m_per_n: f64,
         attraction_gradient_per_m: f64,
         sensing: LayerParameters,
         actuated: LayerParameters,
         friction: FrictionParameters,
+        closing: Closing,
     ) -> Self {
         Self {
             load,
@@ -145,6 +159,7 @@ impl Chain {
             sensing,
             actuated,
             friction,
+            closing,
             sensing_modes: sensing.mode_compliances(),
             actuated_modes: actuated.mode_compliances(),
             load_modes: load.mode_compliances(),
@@ -161,6 +176,16 @@ impl Chain {
     #[must_use]
     pub fn friction(&self) -> &FrictionParameters {
         &self.friction
+    }
+
+    /// Gap under a tilted contact.
+    pub(crate) fn closing(&self) -> &Closing {
+        &self.closing
+    }
+
+    /// Whether the contact is closed: the whole face touches.
+    pub(crate) fn is_closed(&self, state: &ChainState) -> bool {
+        self.closing.is_closed(state.force_n)
     }
 
     /// Compliance of the frame under the load, m/N.
@@ -241,7 +266,8 @@ impl Chain {
     }
 
     /// The balance at the end of a step, under the conditions at its end. The forces balance to
-    /// rounding: only a hardening load has no closed-form solution.
+    /// rounding: only a hardening load has no closed-form solution, and a tilted contact is solved
+    /// once for each of its stages.
     pub(crate) fn balance(
         &self,
         from: &ChainState,
@@ -273,10 +299,10 @@ impl Chain {
         };
         let stuck = self.friction.stuck(&sensing, &from.friction);
         let mut solved = self.solve(&stuck, &rest);
-        let mut friction = self.friction.stays(&from.friction, solved.sensing_m);
+        let mut friction = self.friction.stays(&from.friction, solved.layer_m());
         if let Some(left_n) = self.friction.slips(friction.force_n) {
             solved = self.solve(&FrictionParameters::moving(&sensing, left_n), &rest);
-            friction = self.friction.moved(left_n, solved.sensing_m);
+            friction = self.friction.moved(left_n, solved.layer_m());
         }
         let force_n = solved.force_n;
         let actuated_m = actuated_compliance * force_n + actuated_rest;
@@ -288,6 +314,7 @@ impl Chain {
             actuated_force_n,
             load_m: solved.load_m,
             sensing_m: solved.sensing_m,
+            gap_m: solved.gap_m,
             actuated_m,
             opening_m: solved.opening_m,
             sensing_creep_m: sensing_step.modes_after(force_n - friction.force_n),
@@ -296,9 +323,28 @@ impl Chain {
         }
     }
 
-    /// The balance for this response of the sensing layer. A load pulled by P carries F − P, so
-    /// x_L + stand (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    /// The balance for this response of the sensing layer. The force rises with the press, so the
+    /// contact is closed exactly if the force with an open gap would close it.
     fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
+        if self.closing == Closing::default() {
+            return self.solve_stage(sensing, rest, true);
+        }
+        let open = self.solve_stage(sensing, rest, false);
+        if self.closing.is_closed(open.force_n) {
+            self.solve_stage(sensing, rest, true)
+        } else {
+            open
+        }
+    }
+
+    /// The balance while the contact is closed or not. A load pulled by P carries F − P, so
+    /// x_L + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    fn solve_stage(&self, layer: &Response, rest: &Rest, closed: bool) -> Solution {
+        let (gap_m, gap_m_per_n) = self.closing.branch(closed);
+        let sensing = Response {
+            offset_m: layer.offset_m + gap_m,
+            compliance_m_per_n: layer.compliance_m_per_n + gap_m_per_n,
+        };
         let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
         let series = rest.stand.compliance_m_per_n
             + sensing.compliance_m_per_n
@@ -315,6 +361,7 @@ impl Chain {
             load_force_n,
             load_m: load_m.copysign(shared_m),
             sensing_m: sensing.offset_m + sensing.compliance_m_per_n * force_n,
+            gap_m: gap_m + gap_m_per_n * force_n,
             opening_m: (-slack).max(0.0),
         }
     }
@@ -362,9 +409,10 @@ impl Chain {
 
         let load = self.load.compliance_m_per_n(state.load_m);
         let stand = load + self.frame_m_per_n;
-        let series = stand + part / c_s + 1.0 / (c_d * stability);
+        let (_, gap) = self.closing.branch(rates.closed);
+        let series = stand + gap + part / c_s + 1.0 / (c_d * stability);
         let drive = rates.drive + stand * rates.pull;
         let force_rate = (drive - sensing_rest - actuated_rest - load_creep) / series;
-        part * force_rate / c_s + sensing_rest
+        part * force_rate / c_s + gap * force_rate + sensing_rest
     }
 }

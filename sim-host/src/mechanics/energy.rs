@@ -7,8 +7,8 @@ use super::layer::stored_j;
 ///
 /// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
 /// steps of the mean force times the change of displacement, which the integrator conserves
-/// exactly. The share of the load's instant spring in the press's work is its potential, which is exact
-/// for a nonlinear load.
+/// exactly. The shares of the load's instant spring and of a gap that closes in the press's work are their
+/// potentials, which is exact where they are nonlinear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
     /// Work of the press.
@@ -64,16 +64,19 @@ impl Energy {
         let force_n = 0.5 * (from.load_force_n + to.load_force_n);
         let pull_n = 0.5 * (from.force_n + to.force_n) - force_n;
         let friction_n = 0.5 * (from.friction.force_n + to.friction.force_n);
-        let layers_m = (to.sensing_m + to.actuated_m) - (from.sensing_m + from.actuated_m);
+        let layers = |state: &ChainState| state.sensing_m - state.gap_m + state.actuated_m;
+        let layers_m = layers(to) - layers(from);
+        let gap_work =
+            chain.closing().stored_j(to.force_n) - chain.closing().stored_j(from.force_n);
         let load_work = chain.load().energy_j(to.load_m) - chain.load().energy_j(from.load_m);
         // A gap opens or closes without force.
         let pressed = (after.press_m - before.press_m) + (to.opening_m - from.opening_m);
-        let moved = pressed - (to.load_m - from.load_m);
+        let moved = pressed - (to.load_m - from.load_m) - (to.gap_m - from.gap_m);
         let attraction_n = 0.5
             * (chain.attraction_n(before, from.actuated_m)
                 + chain.attraction_n(after, to.actuated_m));
         Self {
-            press_j: self.press_j + force_n * moved + load_work,
+            press_j: self.press_j + force_n * moved + load_work + gap_work,
             growth_j: self.growth_j + force_n * (after.growth_m - before.growth_m),
             attraction_j: self.attraction_j + attraction_n * (to.actuated_m - from.actuated_m),
             pull_j: self.pull_j + pull_n * layers_m,
@@ -113,6 +116,7 @@ fn chain_stored_j(chain: &Chain, state: &ChainState, now: &ChainConditions) -> f
         + square(state.sensing_force_n()) / now.sensing_spring_n_per_m
         + square(state.actuated_force_n) / now.actuated_spring_n_per_m
         + chain.friction().stored_j(&state.friction)
+        + chain.closing().stored_j(state.force_n)
         + stored_j(chain.sensing_modes(), &state.sensing_creep_m)
         + stored_j(chain.actuated_modes(), &state.actuated_creep_m)
         + stored_j(chain.load_modes(), &state.load_creep_m)

@@ -13,12 +13,15 @@
 //!
 //! Two disturbed worlds add terms that no drawn plant has: friction J beside the sensing layer, so
 //! that the layer carries F − J, and a pull P of the actuating coils on the load, so that the load
-//! and the frame carry F − P.
+//! and the frame carry F − P. Under a tilted contact x_S contains the displacement of a gap that
+//! closes.
 //!
-//! [`load`] is the object, [`indented`] one under a tip, [`layer`] a layer with its creep, [`friction`] the stick-slip element,
+//! [`load`] is the object, [`contact`] its place and tilt on the sensor, [`indented`] an object under a
+//! tip, [`layer`] a layer with its creep, [`friction`] the stick-slip element,
 //! [`chain`] the balance, [`energy`] the balance of work, [`press`] the motion of the press.
 
 pub mod chain;
+pub mod contact;
 pub mod energy;
 pub mod friction;
 pub mod indented;

@@ -87,6 +87,10 @@ impl Parameters {
         within("object reflection", object.reflection, -1.0, 1.0)?;
         within("object lost_at_peak", object.lost_at_peak, 0.0, 0.5)?;
         within("object n_per_a2", object.n_per_a2, 0.0, 0.1)?;
+        let contact = &self.contact;
+        within("contact lost_per_m2", contact.lost_per_m2, -1e5, 1e5)?;
+        within("contact radius_m", contact.radius_m, 1e-4, 20e-3)?;
+        within("contact tilted_share", contact.tilted_share, 0.1, 1.0)?;
         within("memory", law.memory, 0.0, 0.9)?;
         within("lag_s", law.lag_s, 0.0, 1.0)?;
         within(
@@ -211,6 +215,7 @@ impl Parameters {
         )?;
         within("stage_error_m", self.rig.stage_error_m, 0.0, 1e-3)?;
         within("stage_phase", self.rig.stage_phase, -10.0, 10.0)?;
-        within("spring_tolerance", self.rig.spring_tolerance, 0.0, 0.5)
+        within("spring_tolerance", self.rig.spring_tolerance, 0.0, 0.5)?;
+        within("rig tilt_rad", self.rig.tilt_rad, 0.0, 0.1)
     }
 }

@@ -8,6 +8,7 @@ use super::{
 };
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
+use crate::mechanics::contact::ContactParameters;
 use crate::mechanics::friction::FrictionParameters;
 use crate::mechanics::layer::{CreepMode, LayerParameters, MODES};
 use crate::mechanics::press::{Jumps, Shake};
@@ -97,6 +98,11 @@ fn assemble(stack: &Stack, d: &Disturbances, pick: Pick<'_>) -> Parameters {
         },
         friction: FrictionParameters::default(),
         object: ObjectParameters::default(),
+        contact: ContactParameters {
+            lost_per_m2: pick(&d.contact.stiffening_lost_per_m2, "contact_lost"),
+            radius_m: pick(&d.contact.radius_m, "contact_radius"),
+            tilted_share: pick(&d.contact.tilted_share, "contact_tilted"),
+        },
         magnetorheological: magnetorheological(stack, d, pick),
         attraction: AttractionParameters {
             n_per_a2: pick(&stack.attraction_n_per_a2, "attraction"),
@@ -222,5 +228,6 @@ fn rig(d: &Disturbances, pick: Pick<'_>) -> RigParameters {
         stage_error_m: pick(&ranges.stage_error_m, "stage_error"),
         stage_phase: pick(&PHASE, "stage_phase"),
         spring_tolerance: pick(&ranges.spring_tolerance, "spring_tolerance"),
+        tilt_rad: 0.0,
     }
 }

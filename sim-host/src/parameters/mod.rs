@@ -11,6 +11,7 @@ pub use draw::{
 
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
+use crate::mechanics::contact::ContactParameters;
 use crate::mechanics::friction::FrictionParameters;
 use crate::mechanics::layer::LayerParameters;
 use crate::mechanics::press::{Jumps, Shake};
@@ -37,6 +38,8 @@ pub struct Parameters {
     pub friction: FrictionParameters,
     /// Effect of the load's face on the coils' fields; the draw has none.
     pub object: ObjectParameters,
+    /// What place and tilt of a contact change.
+    pub contact: ContactParameters,
     /// Stiffening of the actuated layer.
     pub magnetorheological: MagnetorheologicalParameters,
     /// Attraction of the actuated layer's halves.
@@ -138,6 +141,9 @@ pub struct RigParameters {
     /// Relative tolerance of the rig's springs, 0 to 0.5. The error of each spring is a random
     /// fraction of the tolerance.
     pub spring_tolerance: f64,
+    /// Angle between specimen and sensor in every press of the bench, rad, 0 to 0.1; the draw has
+    /// none.
+    pub tilt_rad: f64,
 }
 
 impl Parameters {

@@ -26,6 +26,8 @@ pub struct Disturbances {
     pub current_chain: CurrentChainRanges,
     /// The press.
     pub press: PressRanges,
+    /// The contact.
+    pub contact: ContactRanges,
     /// The bench on which an instrument is calibrated.
     pub calibration_rig: RigRanges,
     /// Loads to be measured, as ratios of their spring to the sensing layer's, 10⁻³ to 10³.
@@ -117,6 +119,17 @@ table! {
 }
 
 table! {
+    /// `[contact]`.
+    ContactRanges {
+        stiffening_lost_per_m2 = "stiffening_lost_per_m2", -1e5 to 1e5 "1/m2",
+            "Relative loss of the stiffening per square of the distance from the axis";
+        radius_m = "radius_m", 1e-4 to 20e-3 "m", "Radius of the contact";
+        tilted_share = "tilted_share", 0.1 to 1.0 "",
+            "Share of its stiffness that the sensing layer has while a tilted face touches in part";
+    }
+}
+
+table! {
     /// `[calibration_rig]`.
     RigRanges {
         frame_spring_n_per_m = "frame_spring_N_per_m", 1e3 to 1e9 "N/m",
@@ -133,7 +146,7 @@ const COIL_FORM: &str = "\"do 14 mm, di 4 mm, 25 turns, MSE on both sides, slabs
                          gap 1 mm at rest\", with other numbers, or MSE on one side";
 
 /// Sections of the file.
-const SECTIONS: [&str; 11] = [
+const SECTIONS: [&str; 12] = [
     "crosstalk",
     "attraction",
     "creep",
@@ -143,6 +156,7 @@ const SECTIONS: [&str; 11] = [
     "ldc",
     "current_chain",
     "press",
+    "contact",
     "calibration_rig",
     "load",
 ];
@@ -184,6 +198,7 @@ impl Disturbances {
             ldc: file.table("ldc")?,
             current_chain: file.table("current_chain")?,
             press: file.table("press")?,
+            contact: file.table("contact")?,
             calibration_rig: file.table("calibration_rig")?,
             load_ratios_to_sensing_spring: file
                 .section("load", &["ratio_to_sensing_spring"])?

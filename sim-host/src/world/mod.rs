@@ -23,7 +23,8 @@ use self::plant::{Inputs, Plant, PlantState};
 pub use self::shared::SharedWorld;
 pub use self::truth::Truth;
 use crate::current::{Command, HARD_LIMIT};
-use crate::mechanics::chain::{Chain, LEAST_STABILITY};
+use crate::mechanics::chain::{Chain, ChainState, LEAST_STABILITY};
+use crate::mechanics::contact::Contact;
 use crate::mechanics::load::Load;
 use crate::mechanics::press::{Profile, Shake};
 use crate::parameters::{ParameterError, Parameters, within};
@@ -49,6 +50,8 @@ pub enum Holder {
 pub struct Setup {
     /// Object pressed on the sensor.
     pub load: Load,
+    /// Where and how it lies on the sensor.
+    pub contact: Contact,
     /// Stand or hand.
     pub holder: Holder,
     /// Motion of the press.
@@ -62,6 +65,7 @@ impl Default for Setup {
     fn default() -> Self {
         Self {
             load: Load::Rigid,
+            contact: Contact::default(),
             holder: Holder::Stand,
             profile: Profile::at(-1e-3),
             step: Time::from_ms(1),
@@ -131,6 +135,9 @@ impl World {
             parameters.sensing,
             parameters.actuated,
             parameters.friction,
+            parameters
+                .contact
+                .closing(&setup.contact, parameters.sensing.spring_n_per_m),
         );
         check_stability(&parameters, &chain)?;
         let shake = match setup.holder {
@@ -142,7 +149,7 @@ impl World {
 
     fn start(parameters: Parameters, chain: Chain, shake: Shake, setup: Setup) -> Self {
         let adc_noise = Stream::named(parameters.seed, "adc_noise.samples");
-        let plant = Plant::new(parameters, chain, shake, setup.step);
+        let plant = Plant::new(parameters, chain, shake, &setup);
         let inputs = Inputs {
             command: Command::constant(0.0),
             profile: setup.profile,
@@ -266,20 +273,21 @@ impl World {
         }
     }
 
-    /// State after the next step. A step in which contact is made or lost ends at that time, so no
+    /// State after the next step. A step in which contact is made, closed or lost ends at that time, so no
     /// step has a kink inside.
     fn next_state(&self, last: &PlantState) -> PlantState {
         let end = (last.time + self.plant.usual_step()).min(self.inputs.next_knot(last.time));
         let next = self.plant.step(&self.inputs, last, end);
-        let side = last.chain.in_contact();
-        if last.touching || next.chain.in_contact() == side {
+        let side_of = |chain: &ChainState| (chain.in_contact(), self.plant.chain.is_closed(chain));
+        let side = side_of(&last.chain);
+        if last.touching || side_of(&next.chain) == side {
             return next;
         }
         let (mut same, mut other) = (last.time, end);
         while (other - same) > Time::from_ps(1) {
             let middle = Time::from_ps(same.as_ps() + (other - same).as_ps() / 2);
             let there = self.plant.step(&self.inputs, last, middle);
-            if there.chain.in_contact() == side {
+            if side_of(&there.chain) == side {
                 same = middle;
             } else {
                 other = middle;
@@ -466,6 +474,8 @@ fn sound(value: f64) -> f64 {
 
 fn check_setup(setup: &Setup) -> Result<(), ParameterError> {
     within("step in s", setup.step.as_secs_f64(), 1e-5, 1e-2)?;
+    within("contact place_m", setup.contact.place_m, 0.0, 0.01)?;
+    within("contact tilt_rad", setup.contact.tilt_rad, 0.0, 0.2)?;
     match setup.load {
         Load::Spring { n_per_m } => within("load n_per_m", n_per_m, 1.0, 1e10),
         Load::Hardening {

@@ -2,6 +2,7 @@
 
 use ldc161x_sim::Time;
 
+use super::Setup;
 use super::history::HistorySegment;
 use crate::current::{Command, effective_current_a};
 use crate::magnetorheological::Play;
@@ -49,7 +50,7 @@ pub(super) struct PlantState {
     pub(super) thermal: ThermalState,
     pub(super) play: Play,
     pub(super) stiffening: f64,
-    /// ε at the present temperature.
+    /// ε at the present temperature, under the contact.
     strength: f64,
     /// Velocity of the shaking, m/s.
     shaking_m_per_s: f64,
@@ -57,7 +58,7 @@ pub(super) struct PlantState {
     pub(super) conditions: ChainConditions,
     pub(super) chain: ChainState,
     pub(super) energy: Energy,
-    /// Whether contact is just being made or lost: the next step may then start in the other
+    /// Whether contact is just being made, closed or lost: the next step may then start in the other
     /// contact state.
     pub(super) touching: bool,
 }
@@ -70,13 +71,17 @@ pub(super) struct Plant {
     pub(super) chain: Chain,
     pub(super) tank: SensingTank,
     pub(super) shake: Shake,
+    /// Stiffening under the contact relative to that in the centre.
+    place: f64,
     /// Usual step length, with the decay factors of the creep.
     usual: (Time, Decays),
 }
 
 impl Plant {
-    pub(super) fn new(parameters: Parameters, chain: Chain, shake: Shake, step: Time) -> Self {
+    pub(super) fn new(parameters: Parameters, chain: Chain, shake: Shake, setup: &Setup) -> Self {
+        let step = setup.step;
         Self {
+            place: parameters.contact.stiffening(&setup.contact),
             tank: SensingTank::new(&parameters.tank).facing(parameters.object.reflection),
             usual: (step, chain.decays(step.as_secs_f64())),
             parameters,
@@ -129,7 +134,7 @@ impl Plant {
         let thermal = p.thermal.advance(&from.thermal, square_a2, duration_s);
 
         let (play, stiffening) = self.stiffen(from, effective_a, duration_s);
-        let strength = p.magnetorheological.strength(thermal.pad_k);
+        let strength = self.place * p.magnetorheological.strength(thermal.pad_k);
         let (shaken_m, shaking_m_per_s) = self.shake.at(to.as_secs_f64());
         let softened = p.actuated.spring_at(thermal.pad_k);
         let conditions = ChainConditions {
@@ -221,7 +226,7 @@ impl Plant {
         from: &PlantState,
         to: &PlantState,
     ) -> HistorySegment {
-        let slopes = Slopes::over(inputs, from, to);
+        let slopes = Slopes::over(inputs, (from, to), &self.chain);
         HistorySegment::new(
             (from.time, to.time),
             (from.current_a, to.current_a),
@@ -276,6 +281,7 @@ impl Plant {
             drive: slopes.press + state.shaking_m_per_s + slopes.growth,
             in_contact: slopes.in_contact,
             sticks: slopes.sticks,
+            closed: slopes.closed,
         };
         self.chain
             .sensing_rate(&state.chain, &state.conditions, &rates)
@@ -297,10 +303,12 @@ struct Slopes {
     in_contact: bool,
     /// Whether the friction's slider sticks in the step.
     sticks: bool,
+    /// Whether a tilted contact is closed in the step.
+    closed: bool,
 }
 
 impl Slopes {
-    fn over(inputs: &Inputs, from: &PlantState, to: &PlantState) -> Self {
+    fn over(inputs: &Inputs, (from, to): (&PlantState, &PlantState), chain: &Chain) -> Self {
         let duration_s = (to.time - from.time).as_secs_f64();
         let slope = |before: f64, after: f64| (after - before) / duration_s;
         let (before, after) = (&from.conditions, &to.conditions);
@@ -315,6 +323,7 @@ impl Slopes {
             sensing_spring: slope(before.sensing_spring_n_per_m, after.sensing_spring_n_per_m),
             in_contact: to.chain.in_contact(),
             sticks: !to.chain.friction.slipped,
+            closed: chain.is_closed(&to.chain),
         }
     }
 }

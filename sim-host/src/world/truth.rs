@@ -21,8 +21,10 @@ pub struct Truth {
     pub actuated_force_n: f64,
     /// Attraction of the actuated layer's halves, N.
     pub attraction_n: f64,
-    /// Displacement x_S of the sensing layer, m.
+    /// Displacement x_S of the sensing layer, m, with the gap under a tilted contact.
     pub sensing_m: f64,
+    /// Displacement of the gap under a tilted contact, m.
+    pub gap_m: f64,
     /// Apparent displacement of the sensing coil, m: x_S with the crosstalk of the actuating field.
     pub apparent_m: f64,
     /// Displacement x_D of the actuated layer, m.
@@ -87,6 +89,7 @@ impl Truth {
             actuated_force_n: chain.actuated_force_n,
             attraction_n: plant.chain.attraction_n(conditions, chain.actuated_m),
             sensing_m: chain.sensing_m,
+            gap_m: chain.gap_m,
             apparent_m: plant.apparent_m(chain.sensing_m, state.effective_a),
             actuated_m: chain.actuated_m,
             load_m: chain.load_m + load_creep_m,
@@ -123,7 +126,8 @@ impl Truth {
     /// requires, N; zero except for rounding.
     #[must_use]
     pub fn force_imbalance_n(&self) -> [f64; 2] {
-        let sensing_n = self.sensing_spring_n_per_m * (self.sensing_m - self.sensing_creep_m);
+        let sensing_n =
+            self.sensing_spring_n_per_m * (self.sensing_m - self.gap_m - self.sensing_creep_m);
         let actuated_n = self.actuated_spring_n_per_m * (self.actuated_m - self.actuated_creep_m);
         [
             sensing_n - (self.force_n - self.friction_n),

@@ -1,6 +1,7 @@
 //! Balance of forces, displacements, work and heat.
 
 use crate::common::*;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::friction::FrictionParameters;
 use palpate_sim::mechanics::indented::{Indented, Material, Tip};
 use palpate_sim::mechanics::load::Load;
@@ -89,5 +90,41 @@ fn they_hold_with_friction_and_a_pull_on_the_load() {
             ..pressed(&plant)
         };
         exercise(world(&plant, Switches::all(), setup));
+    }
+}
+
+#[test]
+fn they_hold_beside_the_centre_and_tilted() {
+    for (stack, seed) in [("ultrasoft", 4), ("soft-closed", 2)] {
+        let mut plant = plant(stack, seed);
+        for (place_m, tilt_rad, friction) in [
+            (2e-3, 0.0, 0.0),
+            (0.0, 2e-3, 0.0),
+            (1e-3, 0.02, 0.0),
+            (1e-3, 5e-3, 1.0),
+        ] {
+            plant.friction = FrictionParameters {
+                spring_n_per_m: friction * 3e3,
+                stick_n: 5e-3,
+                slip_n: 2e-3,
+            };
+            plant.object.n_per_a2 = friction * 1e-3;
+            for load in [
+                Load::Spring { n_per_m: 3e3 },
+                Load::Hardening {
+                    n_per_m: 5e3,
+                    cubic_n_per_m3: 4e11,
+                },
+                Load::Rigid,
+            ] {
+                let setup = Setup {
+                    load,
+                    contact: Contact { place_m, tilt_rad },
+                    ..pressed(&plant)
+                };
+                let worst = exercise(world(&plant, Switches::all(), setup));
+                println!("{stack} {place_m} {tilt_rad} {load:?}: {worst:?}");
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use crate::common::*;
+use palpate_sim::mechanics::contact::{Contact, ContactParameters};
 use palpate_sim::mechanics::friction::FrictionParameters;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::mechanics::press::{Jumps, Profile};
@@ -189,4 +190,81 @@ fn a_jump_is_shared_by_the_springs() {
         last = truth;
     }
     assert!((4..20).contains(&jumps), "{jumps}");
+}
+
+#[test]
+fn a_tilted_press_has_a_kink_and_keeps_a_shift_of_the_zero() {
+    let (mut plant, load) = plain();
+    let (a, share, tilt_rad) = (3e-3, 0.4, 5e-3);
+    plant.contact = ContactParameters {
+        lost_per_m2: 0.0,
+        radius_m: a,
+        tilted_share: share,
+    };
+    let (c_s, c_d) = (plant.sensing.spring_n_per_m, plant.actuated.spring_n_per_m);
+    let (stage_m, others) = (2.0 * a * tilt_rad, 1.0 / load + 1.0 / c_d);
+    // Springs in series, by hand: force and deformation at a displacement of the press.
+    let expected = |press_m: f64| {
+        let first = press_m / (others + 1.0 / (share * c_s));
+        if first <= share * c_s * stage_m {
+            return (first, first / (share * c_s));
+        }
+        let shifted_m = (1.0 - share) * stage_m;
+        let force_n = (press_m - shifted_m) / (others + 1.0 / c_s);
+        (force_n, force_n / c_s + shifted_m)
+    };
+    let setup = Setup {
+        load: Load::Spring { n_per_m: load },
+        contact: Contact {
+            place_m: 0.0,
+            tilt_rad,
+        },
+        profile: Profile::at(0.0).then_move(0.5e-3, 1e-3),
+        ..Setup::default()
+    };
+    let mut world = world(&plant, Switches::none(), setup);
+    let mut closed = [0, 0];
+    for _ in 0..490 {
+        world.advance(ms(1));
+        let truth = world.truth();
+        let (force_n, sensing_m) = expected(truth.press_m);
+        assert!((truth.force_n / force_n - 1.0).abs() < 1e-9, "{truth:?}");
+        assert!(
+            (truth.sensing_m / sensing_m - 1.0).abs() < 1e-9,
+            "{truth:?}"
+        );
+        closed[usize::from(truth.sensing_m > stage_m)] += 1;
+        // A quarter into a step the frequency shows the rates at its ends.
+        let end_s = world.now().as_secs_f64();
+        let [from, quarter, to] =
+            [1e-3, 0.75e-3, 0.0].map(|before_s| world.frequency_hz(end_s - before_s).unwrap());
+        let bent = (quarter - from) / (to - from) - 0.25;
+        let kink = from == to || (truth.sensing_m - stage_m).abs() < 1e-6;
+        assert!(kink || bent.abs() < 1e-3, "{bent} {truth:?}");
+    }
+    assert!(closed.iter().all(|count| *count > 20), "{closed:?}");
+}
+
+#[test]
+fn beside_the_centre_the_layer_stiffens_by_another_amount() {
+    let (mut plant, load) = plain();
+    plant.contact.lost_per_m2 = 1e4;
+    let spring = |place_m: f64| {
+        let setup = Setup {
+            load: Load::Spring { n_per_m: load },
+            contact: Contact {
+                place_m,
+                tilt_rad: 0.0,
+            },
+            profile: Profile::at(0.0).then_move(0.5e-3, 5e-3),
+            ..Setup::default()
+        };
+        let mut world = world(&plant, Switches::none(), setup);
+        world.advance(ms(200));
+        world.set_current(10.0);
+        world.advance(ms(50));
+        world.truth().actuated_spring_n_per_m / plant.actuated.spring_n_per_m - 1.0
+    };
+    let lost = 1.0 - spring(2e-3) / spring(0.0);
+    assert!((lost - 0.04).abs() < 1e-9, "{lost}");
 }

@@ -2,6 +2,7 @@
 
 use crate::common::*;
 use palpate_sim::Time;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::layer::CreepMode;
 use palpate_sim::mechanics::load::{LOAD_MODES, Load};
 use palpate_sim::mechanics::press::Profile;
@@ -94,12 +95,14 @@ proptest! {
         load in load(),
         by_hand: bool,
         step_us in 10..10_000_u64,
+        (place_m, tilt_rad) in (0.0..5e-3, prop_oneof![Just(0.0), 0.0..0.05]),
         acts in prop::collection::vec(act(), 1..40),
     ) {
         let plant = plant(Stack::BUILTIN[stack], seed);
         prop_assert!(plant.check().is_ok());
         let setup = Setup {
             load,
+            contact: Contact { place_m, tilt_rad },
             holder: if by_hand { Holder::Hand } else { Holder::Stand },
             profile: Profile::at(-0.1e-3).then_move(0.4e-3, 5e-3),
             step: Time::from_us(step_us),

@@ -80,6 +80,9 @@ fn the_disturbances_arrive_in_their_fields() {
     assert_eq!(d.press.vibration_hz, range(5.0, 120.0));
     assert_eq!(d.press.hand_tremor_amplitude_m, Quantity::Fixed(5e-6));
     assert_eq!(d.press.hand_tremor_hz, range(7.0, 10.0));
+    assert_eq!(d.contact.stiffening_lost_per_m2, range(200.0, 12e3));
+    assert_eq!(d.contact.radius_m, range(2e-3, 7e-3));
+    assert_eq!(d.contact.tilted_share, range(0.4, 0.6));
     assert_eq!(d.calibration_rig.frame_spring_n_per_m, log(500e3, 5000e3));
     assert_eq!(d.calibration_rig.load_cell_noise_n, Quantity::Fixed(1e-3));
     assert_eq!(d.calibration_rig.load_cell_gain_error, range(-0.001, 0.001));

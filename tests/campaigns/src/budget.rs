@@ -15,6 +15,7 @@ use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::progress::Progress;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
@@ -174,6 +175,7 @@ fn measured(
     let how = Press {
         name: load_name(ratio),
         load: Load::Spring { n_per_m },
+        contact: Contact::default(),
         holder: Holder::Stand,
         clearance_m: CLEARANCE_M,
         depth_m: instrument.depth_m,

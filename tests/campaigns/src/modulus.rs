@@ -15,6 +15,7 @@ use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::modulus::{Evaluated, pressure};
 use palpate_cli::progress::Progress;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::indented::{Indented, Material, Tip};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::random::Stream;
@@ -183,6 +184,7 @@ fn of_object(
         name: "object".to_owned(),
         load,
         holder: Holder::Stand,
+        contact: Contact::default(),
         clearance_m: CLEARANCE_M,
         depth_m: instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,

@@ -13,6 +13,7 @@ use palpate_cli::in_order::in_order;
 use palpate_cli::progress::Progress;
 use palpate_sim::Time;
 use palpate_sim::device::Device;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::layer::CreepMode;
 use palpate_sim::mechanics::load::{LOAD_MODES, Load};
 use palpate_sim::mechanics::press::Profile;
@@ -285,6 +286,7 @@ fn bend(instrument: &CalibratedInstrument, n_per_m: f64, world: World) -> Result
         name: world.name(),
         load: Load::Spring { n_per_m },
         holder: world.holder(),
+        contact: Contact::default(),
         clearance_m: world.clearance_m(),
         depth_m: instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,

@@ -71,9 +71,9 @@ pub(crate) mod tests {
 
     use palpate_wire::code::{Outcome, TipShape};
     use palpate_wire::command::{
-        Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, DeformationKnot, Springs,
-        Stiffening, StiffeningCurve, StiffeningKnot, Tank, TemperatureCoefficients,
-        TemperatureEffect, Tip,
+        Attraction, Coil, ContactTolerance, Crosstalk, CurrentCorrection, DeformationCurve,
+        DeformationKnot, Springs, Stiffening, StiffeningCurve, StiffeningKnot, Tank,
+        TemperatureCoefficients, TemperatureEffect, Tip,
     };
 
     use super::*;
@@ -251,6 +251,16 @@ pub(crate) mod tests {
                 })],
                 0x23,
                 vec![|of| invert(&mut of.tip.as_mut().unwrap().radius_m)],
+            ),
+            (
+                vec![Command::SetContact(ContactTolerance {
+                    within_m: 1e-3,
+                    tilt_rad: 2e-3,
+                    rise_uncertainty: 0.004,
+                    zero_uncertainty_m: 2e-6,
+                })],
+                0x28,
+                vec![|of| invert(&mut of.contact.as_mut().unwrap().zero_uncertainty_m)],
             ),
         ]
     }

@@ -16,8 +16,9 @@ use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings,
-    Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    MAX_KNOTS, Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
+    TemperatureEffect, Tip,
 };
 
 use crate::answer::{Answer, field};
@@ -49,6 +50,7 @@ pub struct Configuration {
     temperature_coefficients: Option<TemperatureCoefficients>,
     /// Stored and reported for hosts.
     tip: Option<Tip>,
+    contact: Option<ContactTolerance>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// Checksums of all items.
@@ -93,6 +95,8 @@ pub(crate) struct Calibrated {
     /// Coefficients that correct springs and rise for the measured temperature. `temperature_effect`
     /// gives the uncertainty of this correction or, without coefficients, of the change itself.
     pub(crate) temperature_coefficients: Option<TemperatureCoefficients>,
+    /// Contacts for which the interval holds; `None` for the calibrated contact alone.
+    pub(crate) contact: Option<ContactTolerance>,
     /// Temperature of the measurement, if there is a thermometer.
     pub(crate) temperature: Option<Celsius>,
 }
@@ -143,6 +147,7 @@ impl Default for Configuration {
             current_correction: None,
             temperature_coefficients: None,
             tip: None,
+            contact: None,
             identity: None,
             assembly: None,
             sums: [0; ITEMS],
@@ -296,6 +301,10 @@ impl Configuration {
                 self.tip = Some(tip.clone());
                 Outcome::Accepted
             }
+            Command::SetContact(tolerance) => {
+                self.contact = Some(tolerance.clone());
+                Outcome::Accepted
+            }
             Command::SetCalibrationIdentity(identity) => {
                 if identity.hash != self.calibration_crc() {
                     return Some(Outcome::OtherCalibration);
@@ -432,6 +441,7 @@ impl Configuration {
             crosstalk: channel.crosstalk.clone().ok_or(kind(Part::Crosstalk))?,
             temperature_effect: self.temperature_effect.clone(),
             temperature_coefficients: self.temperature_coefficients.clone(),
+            contact: self.contact.clone(),
             temperature,
         })
     }

@@ -4,7 +4,7 @@ use palpate_wire::Command;
 use palpate_wire::code::Part;
 
 /// Parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 13] = [
+pub(super) const PARTS: [Part; 14] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -17,6 +17,7 @@ pub(super) const PARTS: [Part; 13] = [
     Part::CurrentCorrection,
     Part::TemperatureCoefficients,
     Part::Tip,
+    Part::Contact,
     // Last, since it is checked against all others.
     Part::CalibrationIdentity,
 ];
@@ -75,6 +76,7 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
         Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
         Command::SetTemperatureCoefficients(_) => part == Part::TemperatureCoefficients,
         Command::SetTip(_) => part == Part::Tip,
+        Command::SetContact(_) => part == Part::Contact,
         _ => false,
     }
 }
@@ -83,9 +85,9 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
 /// which is not calibrated, removes it.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
-        SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,
-        SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve, SetTank,
-        SetTemperatureCoefficients, SetTemperatureEffect,
+        SetAttraction, SetCalibrationIdentity, SetCoil, SetContact, SetCrosstalk,
+        SetCurrentCorrection, SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve,
+        SetTank, SetTemperatureCoefficients, SetTemperatureEffect,
     };
     matches!(
         command,
@@ -100,6 +102,7 @@ pub(super) const fn touches_the_identity(command: &Command) -> bool {
             | SetTemperatureEffect(_)
             | SetCurrentCorrection(_)
             | SetTemperatureCoefficients(_)
+            | SetContact(_)
             | SetCalibrationIdentity(_)
     )
 }

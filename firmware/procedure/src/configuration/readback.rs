@@ -99,6 +99,7 @@ impl Configuration {
             Command::SetCurrentCorrection(of) => Record::CurrentCorrection(of),
             Command::SetTemperatureCoefficients(of) => Record::TemperatureCoefficients(of),
             Command::SetTip(of) => Record::Tip(of),
+            Command::SetContact(of) => Record::Contact(of),
             Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
         })
@@ -140,6 +141,7 @@ impl Configuration {
                 Command::SetTemperatureCoefficients(self.temperature_coefficients.clone()?)
             }
             Part::Tip => Command::SetTip(self.tip.clone()?),
+            Part::Contact => Command::SetContact(self.contact.clone()?),
             Part::CalibrationIdentity => Command::SetCalibrationIdentity(self.identity.clone()?),
             _ => return None,
         })

@@ -317,8 +317,12 @@ fn uncertainties(
         crosstalk,
         temperature_effect: _,
         temperature_coefficients: _,
+        contact,
         temperature: _,
     } = calibrated;
+    let of_contact = contact.as_ref();
+    let of_place = of_contact.map_or(0.0, |of| of.rise_uncertainty);
+    let of_tilt_m = of_contact.map_or(0.0, |of| of.zero_uncertainty_m);
     let peak = Ampere(settings.peak_current_a);
     let sensing = NewtonPerMetre(springs.sensing_n_per_m);
     let change = law.regressor(sensing, peak).deviation.abs();
@@ -335,9 +339,12 @@ fn uncertainties(
         sensing: springs.sensing_uncertainty,
         actuated: springs.actuated_uncertainty,
         // `Calibration` scales the stiffening's error by W/(1 + rho), the signal's by W.
-        stiffening: hypot(*rise_uncertainty, of_signal * (1.0 + at.rise)),
+        stiffening: hypot(
+            hypot(*rise_uncertainty, of_place),
+            of_signal * (1.0 + at.rise),
+        ),
         current: coil.current_uncertainty,
-        zero: Metre(springs.zero_uncertainty_m),
+        zero: Metre(hypot(springs.zero_uncertainty_m, of_tilt_m)),
     }
 }
 

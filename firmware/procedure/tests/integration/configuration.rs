@@ -3,7 +3,7 @@
 
 use crate::support::Rig;
 use crate::support::calibration::{
-    calibration, settings, temperature_coefficients, temperature_effect, tip,
+    calibration, contact, settings, temperature_coefficients, temperature_effect, tip,
 };
 use crate::support::sensor::Sensor;
 use palpate_procedure::Action;
@@ -106,6 +106,7 @@ fn what_was_set_is_read_back_and_numbered() {
     sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
     sent.push(temperature_coefficients(-0.001, 0.002));
     sent.push(tip());
+    sent.push(contact(0.004, 2e-6));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -142,6 +143,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
         Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
         Record::Tip(of) => Some(Command::SetTip(of)),
+        Record::Contact(of) => Some(Command::SetContact(of)),
         _ => None,
     };
     let read: Vec<_> = rig.records.iter().filter_map(as_command).collect();

@@ -2,7 +2,7 @@
 
 use crate::support::Rig;
 use crate::support::calibration::{
-    settings, springs, stiffening, temperature_coefficients, temperature_effect,
+    contact, settings, springs, stiffening, temperature_coefficients, temperature_effect,
 };
 use crate::support::sensor::{Sensor, Shape};
 use palpate_model::magnetorheological::{Saturating, Stiffening};
@@ -435,6 +435,38 @@ fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones()
     // of a uniform error.
     assert!((reaches[0] - 1.645).abs() < 0.01, "{reaches:?}");
     assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
+}
+
+/// A tolerance of the contact widens by W u/(1 + rho) for the rise and W u/x for the zero.
+#[test]
+fn the_tolerance_of_the_contact_widens() {
+    let measured = |tolerance: Option<Command>| {
+        let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.greatest_error = 10.0));
+        if let Some(tolerance) = tolerance {
+            rig.accepted(tolerance);
+        }
+        rig.arm_and_touch();
+        (rig.measure(), rig.last::<UncertaintyBudget>(), rig.sensor)
+    };
+    let (plain, before, sensor) = measured(None);
+    let whole = 2.0 + sensor.sensing_n_per_m / sensor.actuated_n_per_m;
+    let depth_m = f64::from(plain.force_n) / sensor.sensing_n_per_m;
+    let added = |after: f32, before: f32| f64::from(after * after - before * before).sqrt();
+    let is_about = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.02;
+
+    let (none, ..) = measured(Some(contact(0.0, 0.0)));
+    assert_eq!(none, plain);
+    let (_, of_place, _) = measured(Some(contact(0.05, 0.0)));
+    let (found, expected) = (
+        added(of_place.stiffening, before.stiffening),
+        0.05 * whole / (1.0 + sensor.rise),
+    );
+    assert!(is_about(found, expected), "{found} {expected}");
+    assert_eq!(of_place.zero, before.zero);
+    let (estimate, of_tilt, _) = measured(Some(contact(0.0, 5e-6)));
+    let (found, expected) = (added(of_tilt.zero, before.zero), 5e-6 * whole / depth_m);
+    assert!(is_about(found, expected), "{found} {expected}");
+    assert_eq!(estimate.load_ratio, plain.load_ratio);
 }
 
 /// Returns a sensor `by_k` kelvin above its calibration: its springs change by -0.4 %/K, its rise by

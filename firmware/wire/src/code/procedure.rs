@@ -111,5 +111,7 @@ codes! {
         TemperatureCoefficients = 0x1C "temperature_coefficients",
         /// Tip and object, as declared.
         Tip = 0x23 "tip",
+        /// Contacts for which intervals hold.
+        Contact = 0x28 "contact",
     }
 }

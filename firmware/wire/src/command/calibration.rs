@@ -155,6 +155,21 @@ structure! {
 }
 
 structure! {
+    /// Contacts for which intervals hold: place and tilt within a tolerance. Without this part, and with
+    /// zeros, the contact is that of the calibration exactly.
+    pub struct ContactTolerance {
+        /// Greatest distance of the contact from the calibrated place.
+        within_m: f32 ["m", 0, 0.1],
+        /// Greatest angle between the object's face and the sensor's.
+        tilt_rad: f32 ["rad", 0, 0.5],
+        /// Relative standard uncertainty of the rise that the place adds.
+        rise_uncertainty: f32 ["1", 0, 1],
+        /// Standard uncertainty of the deformation's zero that the tilt adds.
+        zero_uncertainty_m: f32 ["m", 0, 0.001],
+    }
+}
+
+structure! {
     /// Identity of the active calibration.
     pub struct CalibrationIdentity {
         /// Number from the calibrating program.

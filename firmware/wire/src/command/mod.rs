@@ -12,7 +12,7 @@ mod request;
 mod settings;
 
 pub use calibration::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, Springs, Stiffening, Tank,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, Springs, Stiffening, Tank,
     TemperatureCoefficients, TemperatureEffect, Tip,
 };
 pub use current::{CurrentCorrection, MAX_POINTS};
@@ -109,6 +109,8 @@ messages! {
             Reboot(Reboot) = 0xA1 "reboot",
             /// Identifies this board: its LED flickers for a while.
             Locate(Locate) = 0xA2 "locate",
+            /// Sets the contacts for which intervals hold. Not while armed.
+            SetContact(ContactTolerance) = 0xA8 "set_contact",
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::Message;
 use crate::command::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve,
-    Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
-    TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve, Tank,
+    TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -94,6 +94,8 @@ messages! {
             Relaxation(Relaxation) = 0x21 "relaxation",
             /// Declared tip and object: answer to `get_calibration`.
             Tip(Tip) = 0x23 "tip",
+            /// Contacts for which intervals hold: answer to `get_calibration`.
+            Contact(ContactTolerance) = 0x28 "contact",
         }
     }
 }

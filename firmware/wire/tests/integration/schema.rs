@@ -25,7 +25,7 @@ fn the_layout_belongs_to_its_version() {
         (2, 3, 0x1CD7_EF6B),
         (2, 4, 0xE6F0_7A5F),
         (2, 5, 0x5E80_9B5C),
-        (2, 6, 0x0FD8_143E),
+        (2, 6, 0x6539_D917),
     ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),

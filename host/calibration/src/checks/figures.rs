@@ -118,10 +118,8 @@ impl Figures {
 /// Expected travel of the stage for the target depth, by the design's nominal data, m, without the
 /// way to the sensor.
 pub(in super::super) fn aimed_travel_m(run: &Run, known: &Known) -> f64 {
-    let load = match run.pressed {
-        Pressed::Spring { n_per_m } => known.sensing_n_per_m / n_per_m,
-        Pressed::Nothing | Pressed::Block => 0.0,
-    };
+    let compliance = run.pressed.compliance_m_per_n().unwrap_or_default();
+    let load = known.sensing_n_per_m * compliance;
     run.depth_m * (1.0 + known.sensing_n_per_m / known.actuated_n_per_m + load)
 }
 

@@ -13,7 +13,7 @@ pub use self::data_fault::DataFault;
 use self::figures::Figures;
 pub use self::kinds::Check;
 use crate::session::{Pressed, Run, Session};
-use crate::{Known, Unusable, frame, spring_deviations};
+use crate::{Known, Unusable, frame, spring_deviations, zero_shift_m};
 
 /// A value that is compared with the limit of its check.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,6 +119,15 @@ fn at(run: &Run, check: Check, value: f64) -> CheckedFigure {
         Pressed::Nothing => "nothing pressed".to_owned(),
         Pressed::Block => format!("block, {depth}"),
         Pressed::Spring { n_per_m } => format!("spring of {:.3} N/mm, {depth}", 1e-3 * n_per_m),
+        Pressed::BlockBeside { distance_m, .. } => {
+            format!(
+                "block {:.2} mm beside the centre, {depth}",
+                1e3 * distance_m
+            )
+        }
+        Pressed::BlockTilted { angle_rad, .. } => {
+            format!("block tilted by {:.3} deg, {depth}", angle_rad.to_degrees())
+        }
     };
     CheckedFigure {
         check,
@@ -139,8 +148,21 @@ pub fn of_session(session: &Session, known: &Known) -> Result<Vec<CheckedFigure>
         let softness = frame(&session.bare)? * known.sensing_n_per_m;
         checked.push(whole(Check::Frame, softness));
     }
+    if known.load_cell_gain.is_some() {
+        let depth_m = mean_depth_m(session);
+        let begins = zero_shift_m(session, known)? / depth_m;
+        checked.push(whole(Check::ForceBegins, begins));
+    }
     checked.extend(springs(session, known)?);
     Ok(checked)
+}
+
+/// Mean target depth of the presses onto the block, m.
+fn mean_depth_m(session: &Session) -> f64 {
+    let blocks = session.runs.iter();
+    let blocks = blocks.filter(|run| run.pressed == Pressed::Block);
+    let depths: Vec<f64> = blocks.map(|run| run.depth_m).collect();
+    depths.iter().sum::<f64>() / depths.len() as f64
 }
 
 fn whole(check: Check, value: f64) -> CheckedFigure {

@@ -1,4 +1,4 @@
-//! The simulated bench: specimens, stage and gauges of `palpate_sim`, for a calibration.
+//! The simulated bench: on_rigs, stage and gauges of `palpate_sim`, for a calibration.
 
 mod gauges;
 mod native;
@@ -6,4 +6,4 @@ mod native;
 mod tests;
 
 pub use self::gauges::{GaugeReading, bench_sample};
-pub use self::native::{NativeBench, mean_bare, press, specimen};
+pub use self::native::{NativeBench, mean_bare, on_rig, press};

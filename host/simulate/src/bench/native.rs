@@ -7,8 +7,9 @@ use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::failure::Failure;
 use palpate_sim::Time;
 use palpate_sim::device::Device;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::native::{NativeBoard, Wiring};
-use palpate_sim::parameters::Parameters;
+use palpate_sim::parameters::{ParameterError, Parameters};
 use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
@@ -48,7 +49,7 @@ impl Bench for NativeBench<'_> {
         pressed: Pressed,
         work: &mut Work<'_, Failure>,
     ) -> Result<Run, Failure> {
-        let rig = Rig::warmer(self.plant, self.switches, specimen(pressed), self.warmer_k)?;
+        let rig = on_rig(self.plant, self.switches, pressed, self.warmer_k)?;
         let (world, gauges) = rig.into_parts();
         let wiring = Wiring::new(world);
         work(&mut NativeInstrument {
@@ -82,14 +83,44 @@ pub fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
     (sum.0 / count, sum.1 / count)
 }
 
-/// Returns the specimen on the simulated stage. Without a press it is a block that stays lifted.
-pub const fn specimen(pressed: Pressed) -> Specimen {
-    match pressed {
-        Pressed::Nothing | Pressed::Block => Specimen::Block,
+/// Simulated bench with a specimen on its stage, `warmer_k` kelvin above the temperature of the
+/// calibration; without contact a block that stays above the sensor.
+pub fn on_rig(
+    plant: &Parameters,
+    switches: Switches,
+    pressed: Pressed,
+    warmer_k: f64,
+) -> Result<Rig, ParameterError> {
+    let specimen = match pressed {
         Pressed::Spring { n_per_m } => Specimen::Spring {
             nominal_n_per_m: n_per_m,
         },
-    }
+        _ => Specimen::Block,
+    };
+    let contact = match pressed {
+        Pressed::BlockBeside {
+            distance_m,
+            direction_rad,
+        } => (
+            Contact {
+                place_m: distance_m,
+                tilt_rad: 0.0,
+            },
+            direction_rad,
+        ),
+        Pressed::BlockTilted {
+            angle_rad,
+            direction_rad,
+        } => (
+            Contact {
+                place_m: 0.0,
+                tilt_rad: angle_rad,
+            },
+            direction_rad,
+        ),
+        _ => Default::default(),
+    };
+    Rig::placed(plant, switches, (specimen, warmer_k), contact)
 }
 
 /// Starts to move the stage to this depth of the sensing layer. Returns the time that this takes.

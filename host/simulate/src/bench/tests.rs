@@ -3,12 +3,14 @@
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
+use palpate_calibration::bench::ContactPlan;
 use palpate_calibration::checks::{fault_of_run, fault_of_session};
 use palpate_calibration::session::{BenchSample, Pressed, Run, Session};
 use palpate_calibration::{Known, evaluate};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
+use palpate_wire::Command;
 
 use crate::instrument::{BenchTask, default_settings};
 
@@ -388,4 +390,78 @@ fn every_spoiled_session_of_springs_alone_is_refused_for_its_reason() {
         ..known.clone()
     };
     judge(&session, &known, &WITHOUT_LOAD_CELL);
+}
+
+/// A bench with presses beside the centre and tilted, and what the drawn sensor makes of them.
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn place_and_tilt_are_found_as_the_sensor_was_drawn() {
+    let contact = ContactPlan {
+        within_m: 2e-3,
+        tilt_rad: 2e-3,
+    };
+    for (stack, seed) in [("ultrasoft", 3), ("soft-closed", 5)] {
+        let stack = Stack::builtin(stack).unwrap();
+        let plant = draw(&stack, &Disturbances::builtin().unwrap(), seed);
+        let mut task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
+        task.plan.contact = contact;
+        let session = task.session(&plant, Switches::all(), 0.0).unwrap();
+        assert_eq!(session.contact.len(), 6);
+        let calibration = evaluate(&session, &task.known).unwrap();
+        let found = calibration.contact.unwrap();
+        assert_eq!((found.within_m, found.tilt_rad), (2e-3, 2e-3));
+        // At the rim, and at the greatest tilt.
+        let drawn = &plant.contact;
+        let lost = drawn.lost_per_m2 * 2e-3 * 2e-3 * calibration.stiffening_of_signal;
+        let shift_m = (1.0 - drawn.tilted_share) * 2.0 * drawn.radius_m * 2e-3;
+        let ratio = shift_m / calibration.depth_m();
+        let both = (lost * lost + ratio * ratio + 1.5 * lost * ratio) / 3.0;
+        let stated = found
+            .signal_uncertainty
+            .hypot(found.zero_uncertainty_m / calibration.depth_m());
+        println!("{found:?} {lost} {shift_m}");
+        let part = stated / both.sqrt();
+        // The scatter of the trains is in what is stated.
+        assert!((0.85..1.5).contains(&part), "{part}");
+        // The calibration itself is that of the centred block.
+        let without = Session {
+            contact: Vec::new(),
+            ..session
+        };
+        let mut commands = calibration.commands;
+        assert!(matches!(commands.pop(), Some(Command::SetContact(_))));
+        let alone = evaluate(&without, &task.known).unwrap();
+        assert_eq!(alone.commands, commands);
+        assert_eq!(alone.contact, None);
+    }
+}
+
+/// A bench whose faces are not parallel: a small tilt widens the interval, a large one is refused.
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn a_tilted_bench_widens_or_is_refused() {
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let plant = draw(&stack, &Disturbances::builtin().unwrap(), 3);
+    let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
+    let shift_m = |tilt_rad: f64| {
+        (1.0 - plant.contact.tilted_share) * 2.0 * plant.contact.radius_m * tilt_rad
+    };
+    for part in [0.004, 0.02] {
+        let tilt_rad = part * task.plan.depth_m / shift_m(1.0);
+        let mut tilted = plant.clone();
+        tilted.rig.tilt_rad = tilt_rad;
+        let session = task.session(&tilted, Switches::all(), 0.0);
+        if part > 0.01 {
+            let refused = session.unwrap_err().to_string();
+            assert!(refused.contains("touches with its edge first"), "{refused}");
+            continue;
+        }
+        let commands = evaluate(&session.unwrap(), &task.known).unwrap().commands;
+        let zero_m = commands.iter().find_map(|command| match command {
+            Command::SetSprings(springs) => Some(f64::from(springs.zero_uncertainty_m)),
+            _ => None,
+        });
+        let ratio = zero_m.unwrap() / shift_m(tilt_rad);
+        assert!((0.7..1.3).contains(&ratio), "{ratio}");
+    }
 }

@@ -17,9 +17,9 @@ use comfy_table::{CellAlignment, Table};
 use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::progress::Progress;
+use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
-use palpate_wire::command::Settings;
 use serde::Serialize;
 
 use self::counted::Counted;
@@ -31,7 +31,7 @@ use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::quantity::within;
 
 use self::world::World;
-use crate::instrument::{CalibratedInstrument, default_settings};
+use crate::instrument::{BenchTask, CalibratedInstrument, ContactArguments, default_settings};
 
 /// Press springs upon many sensors, each calibrated on its own bench, and count errors and how often
 /// intervals contain the truth
@@ -72,7 +72,7 @@ pub struct Arguments {
     /// Changes since the bench; each sensor is pressed in all worlds that are named here
     #[arg(long, value_enum, value_delimiter = ',', default_value = "calibrated")]
     world: Vec<World>,
-    /// Press in all worlds
+    /// Press in all worlds whose contact is centred and flat
     #[arg(long, conflicts_with = "world")]
     all_worlds: bool,
     /// At how many temperatures each sensor is calibrated: at the second, 20 K above, the bench finds how the
@@ -87,6 +87,8 @@ pub struct Arguments {
     /// size of the stiffening, or refuses the calibration
     #[arg(long)]
     check_spring: bool,
+    #[command(flatten)]
+    contact: ContactArguments,
     /// One JSON object for each world
     #[arg(long)]
     json: bool,
@@ -95,24 +97,31 @@ pub struct Arguments {
     rows: Option<PathBuf>,
 }
 
-/// Function that draws and calibrates a sensor.
-type Calibrate =
-    fn(&Stack, &Disturbances, u64, Switches, &Settings) -> Result<CalibratedInstrument, Failure>;
-
 impl Arguments {
-    fn calibrate(&self) -> Calibrate {
+    /// Draws a sensor and calibrates it.
+    fn calibrated(
+        &self,
+        stack: &Stack,
+        disturbances: &Disturbances,
+        seed: u64,
+    ) -> Result<CalibratedInstrument, Failure> {
+        let plant = draw(stack, disturbances, seed);
+        let all = Switches::all();
+        let mut task = BenchTask::of(&plant, stack, all, &default_settings());
+        task.plan.contact = self.contact.plan();
         if self.temperatures > 1 {
-            CalibratedInstrument::at_two_temperatures
+            CalibratedInstrument::twice_on_bench(task, plant, all)
         } else {
-            CalibratedInstrument::calibrated
+            CalibratedInstrument::on_bench(task, plant, all)
         }
     }
 
-    fn worlds(&self) -> &[World] {
+    fn worlds(&self) -> Vec<World> {
         if self.all_worlds {
-            World::value_variants()
+            let all = World::value_variants().iter().copied();
+            all.filter(|world| world.has_contact_of_bench()).collect()
         } else {
-            &self.world
+            self.world.clone()
         }
     }
 }
@@ -134,8 +143,8 @@ pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), F
     let all: Vec<&Press> = plants.iter().flatten().flatten().collect();
     let results: Vec<WorldResult> = arguments
         .worlds()
-        .iter()
-        .map(|world| WorldResult::of(*world, arguments, &stack.name, &plants))
+        .into_iter()
+        .map(|world| WorldResult::of(world, arguments, &stack.name, &plants))
         .collect();
     if arguments.json {
         let mut out = io::stdout().lock();
@@ -200,14 +209,12 @@ fn of_sensor(
     disturbances: &Disturbances,
     seed: u64,
 ) -> Result<Vec<Press>, Failure> {
-    let settings = default_settings();
-    let calibrate = arguments.calibrate();
-    let instrument = calibrate(stack, disturbances, seed, Switches::all(), &settings)?;
+    let instrument = arguments.calibrated(stack, disturbances, seed)?;
     let mut presses = Vec::new();
     for world in arguments.worlds() {
         presses.extend(press::in_world(
             &instrument,
-            *world,
+            world,
             &arguments.loads,
             arguments.depth,
             (arguments.check_untouched, arguments.check_spring),
@@ -249,6 +256,9 @@ struct WorldResult {
     temperatures: u8,
     check_untouched: bool,
     check_spring: bool,
+    /// Tolerance of the contact on the bench.
+    contact_within_m: f64,
+    contact_tilt_rad: f64,
     /// Sensors that could not be calibrated.
     not_calibrated: usize,
     overall: Counted,
@@ -297,6 +307,8 @@ impl WorldResult {
             temperatures: arguments.temperatures,
             check_untouched: arguments.check_untouched,
             check_spring: arguments.check_spring,
+            contact_within_m: arguments.contact.plan().within_m,
+            contact_tilt_rad: arguments.contact.plan().tilt_rad,
             not_calibrated: plants.iter().filter(|plant| plant.is_err()).count(),
             bins: arguments.loads.iter().map(bin).collect(),
             overall: Counted::of(presses.into_iter()),
@@ -324,7 +336,7 @@ fn print(
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench{}{}{} and pressed to {}.\n\n{of_worlds}\n",
+         simulated bench{}{}{}{} and pressed to {}.\n\n{of_worlds}\n",
         arguments.plants,
         arguments.seed,
         if arguments.temperatures > 1 {
@@ -342,6 +354,7 @@ fn print(
         } else {
             ""
         },
+        arguments.contact.words(),
         in_working_depths(arguments.depth)
     )?;
     Ok(writeln!(

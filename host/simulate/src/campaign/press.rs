@@ -102,7 +102,7 @@ fn checked(
     world: World,
     depth: f64,
 ) -> Result<Result<CalibratedInstrument, String>, Failure> {
-    let pressed = pressed(calibrated, world, CHECKED_BY, depth)?;
+    let pressed = pressed(calibrated, world, ("check", CHECKED_BY), depth)?;
     let verdict = Verdict::of(&pressed);
     let Some(estimate) = verdict.estimate() else {
         return Ok(Err(format!(
@@ -126,11 +126,12 @@ fn checked(
     ))
 }
 
-/// Presses a load in a world, to `depth` times the working depth.
+/// Presses a load in a world, to `depth` times the working depth; the contact depends on the press's
+/// name.
 fn pressed(
     calibrated: &CalibratedInstrument,
     world: World,
-    ratio: f64,
+    (name, ratio): (&str, f64),
     depth: f64,
 ) -> Result<press::PressOutcome, Failure> {
     let n_per_m = ratio * calibrated.plant.sensing.spring_n_per_m;
@@ -145,6 +146,11 @@ fn pressed(
         } else {
             Load::Rigid
         },
+        contact: world.contact(
+            calibrated.calibration.contact.as_ref(),
+            calibrated.plant.seed,
+            name,
+        ),
         holder: world.holder(),
         clearance_m: world.clearance_m(),
         depth_m: depth * instrument.depth_m,
@@ -188,7 +194,7 @@ impl Press {
         ratio: f64,
         depth: f64,
     ) -> Result<Self, Failure> {
-        let pressed = pressed(calibrated, world, ratio, depth)?;
+        let pressed = pressed(calibrated, world, (&load_name(ratio), ratio), depth)?;
         let verdict = Verdict::of(&pressed);
         Ok(Self {
             world,

@@ -1,9 +1,12 @@
 //! Differences between bench and use.
 
 use clap::ValueEnum;
+use palpate_calibration::ContactEffect;
+use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::friction::FrictionParameters;
 use palpate_sim::mechanics::press::{Jumps, Shake};
 use palpate_sim::parameters::{ObjectParameters, Parameters};
+use palpate_sim::random::Stream;
 use palpate_sim::world::Holder;
 
 use crate::press::CLEARANCE_M;
@@ -73,7 +76,24 @@ pub enum World {
     StickSlip,
     /// The sensor jumps by 3 µm to and fro, twice a second in the mean
     Steps,
+    /// Beside the centre by up to the bench's tolerance, or by up to 1 mm
+    BesideCentre,
+    /// Tilted by up to the bench's tolerance, or by up to 0.1 degrees
+    Tilted,
+    /// Both of the last two
+    BesideAndTilted,
+    /// Beside the centre by twice the tolerance
+    FarBeside,
+    /// Tilted by twice the tolerance
+    FarTilted,
 }
+
+/// Greatest distance and tilt of contacts where the bench has none: what a guide with some play
+/// allows.
+const WITHIN_M: f64 = 1e-3;
+const TILT_RAD: f64 = 1.75e-3;
+/// Distance and tilt of contacts beyond the tolerance, in units of it.
+const BEYOND: f64 = 2.0;
 
 /// Relative change of a quantity in the worlds where it differs by a fifth or a tenth.
 const FIFTH: f64 = 0.2;
@@ -136,7 +156,13 @@ impl World {
         let p = &mut plant;
         let law = &mut p.magnetorheological;
         match self {
-            Self::Calibrated | Self::Hand => {}
+            Self::Calibrated
+            | Self::Hand
+            | Self::BesideCentre
+            | Self::Tilted
+            | Self::BesideAndTilted
+            | Self::FarBeside
+            | Self::FarTilted => {}
             Self::CrosstalkStronger => p.crosstalk.at_peak_m *= 1.0 + FIFTH,
             Self::CrosstalkWeaker => p.crosstalk.at_peak_m *= 1.0 - FIFTH,
             Self::CrosstalkGrowth => p.crosstalk.slope_per_press_depth += 0.3,
@@ -173,6 +199,54 @@ impl World {
             Self::Steps => p.press.jumps = JUMPS,
         }
         plant
+    }
+
+    /// Whether objects lie on the sensor as on the bench: in the centre, flat.
+    pub const fn has_contact_of_bench(self) -> bool {
+        !matches!(
+            self,
+            Self::BesideCentre
+                | Self::Tilted
+                | Self::BesideAndTilted
+                | Self::FarBeside
+                | Self::FarTilted
+        )
+    }
+
+    /// Place and tilt of a press with this name on a sensor with this seed: within the bench's
+    /// tolerance uniform in the disc and in the angle.
+    pub fn contact(self, bench: Option<&ContactEffect>, seed: u64, name: &str) -> Contact {
+        let tolerance = |of: fn(&ContactEffect) -> f64, default: f64| {
+            bench.map(of).filter(|of| *of > 0.0).unwrap_or(default)
+        };
+        let within_m = tolerance(|of| of.within_m, WITHIN_M);
+        let most_rad = tolerance(|of| of.tilt_rad, TILT_RAD);
+        let mut chance = Stream::named(seed, &format!("campaign.contact.{name}"));
+        let drawn = Contact {
+            place_m: within_m * chance.uniform().sqrt(),
+            tilt_rad: most_rad * chance.uniform(),
+        };
+        let centred = Contact::default();
+        match self {
+            Self::BesideCentre => Contact {
+                tilt_rad: 0.0,
+                ..drawn
+            },
+            Self::Tilted => Contact {
+                place_m: 0.0,
+                ..drawn
+            },
+            Self::BesideAndTilted => drawn,
+            Self::FarBeside => Contact {
+                place_m: BEYOND * within_m,
+                ..centred
+            },
+            Self::FarTilted => Contact {
+                tilt_rad: BEYOND * most_rad,
+                ..centred
+            },
+            _ => centred,
+        }
     }
 
     /// Holder of the press in this world: a stand or a hand.
@@ -212,7 +286,11 @@ mod tests {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), 5);
         for world in World::value_variants() {
-            let differs = world.plant(&drawn) != drawn || world.holder() != Holder::Stand;
+            let differs = world.plant(&drawn) != drawn
+                || world.holder() != Holder::Stand
+                || !world.has_contact_of_bench();
+            let is_flat = world.contact(None, 5, "1 c_S") == Contact::default();
+            assert_eq!(is_flat, world.has_contact_of_bench(), "{world:?}");
             assert_eq!(differs, *world != World::Calibrated, "{world:?}");
         }
     }

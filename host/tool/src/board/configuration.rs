@@ -168,6 +168,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
         Record::CurrentCorrection(of) => Command::SetCurrentCorrection(of),
         Record::TemperatureCoefficients(of) => Command::SetTemperatureCoefficients(of),
         Record::Tip(of) => Command::SetTip(of),
+        Record::Contact(of) => Command::SetContact(of),
         Record::CalibrationIdentity(of) => Command::SetCalibrationIdentity(of),
         _ => return None,
     })
@@ -190,7 +191,8 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetTemperatureEffect(_)
         | Command::SetCurrentCorrection(_)
         | Command::SetTemperatureCoefficients(_)
-        | Command::SetTip(_) => (kind, 0, 0, 0),
+        | Command::SetTip(_)
+        | Command::SetContact(_) => (kind, 0, 0, 0),
         // Comes last, since the device compares the identity with all other parts.
         Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,

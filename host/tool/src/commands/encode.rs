@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
 }
 
 /// Names of commands in the order of sending a calibration.
-const ORDER: [&str; 14] = [
+const ORDER: [&str; 15] = [
     "set_settings",
     "set_tank",
     "set_deformation_curve",
@@ -58,6 +58,7 @@ const ORDER: [&str; 14] = [
     "set_current_correction",
     "set_temperature_coefficients",
     "set_tip",
+    "set_contact",
     "set_calibration_identity",
 ];
 

@@ -11,12 +11,13 @@ use palpate_cli::failure::Failure;
 use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_cli::notice;
 use palpate_cli::quantity;
-use palpate_wire::code::State;
+use palpate_wire::code::{Part, State};
+use palpate_wire::command::{ContactTolerance, GetCalibration};
 use palpate_wire::record::{Estimate, Relaxation};
 use palpate_wire::{Command, Record};
 use serde::Serialize;
 
-use crate::board::configuration::declared_tip;
+use crate::board::configuration::{self, declared_tip};
 use crate::board::link::{self, Link, Run};
 
 /// Measure the stiffness of what is pressed upon a board's sensor
@@ -82,6 +83,12 @@ struct MeasurementLine {
     /// Modulus of the object with its hardness, or why there is none; absent if no tip is declared.
     #[serde(flatten)]
     modulus: Option<Evaluated>,
+    /// Contacts for which the interval holds; zeros for the centred, flat contact of the bench.
+    contact_within_m: f32,
+    contact_tilt_rad: f32,
+    /// The same in words, for text.
+    #[serde(skip)]
+    contact: String,
     /// Largest cause of the interval, and how to reduce it.
     #[serde(skip_serializing_if = "Option::is_none")]
     limited_by: Option<String>,
@@ -102,6 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
     let declared = declared_tip(&mut link)?;
+    let tolerance = contact_tolerance(&mut link)?;
     arm(&mut link)?;
     for _ in 0..arguments.times {
         if usual.is_none() {
@@ -118,12 +126,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
             relaxation: relaxation.ok(),
             true_n_per_m: truth(&mut link),
-            ..MeasurementLine::of(&estimate, simulated, configuration_crc)
+            ..MeasurementLine::of(
+                &estimate,
+                tolerance.as_ref(),
+                (simulated, configuration_crc),
+            )
         };
         print(&line, arguments.json)?;
     }
     link.must(&Command::Disarm)?;
     Ok(())
+}
+
+/// Contacts for which the board's intervals hold; `None` if none are stated.
+fn contact_tolerance(link: &mut Link) -> Result<Option<ContactTolerance>, Failure> {
+    let question = GetCalibration {
+        part: Part::Contact,
+        sensor: 0,
+        channel: 0,
+    };
+    let records = configuration::read_part(link, &question)?.into_iter();
+    let mut tolerances = records.filter_map(|record| match record {
+        Record::Contact(of) => Some(of),
+        _ => None,
+    });
+    Ok(tolerances.next())
 }
 
 /// Arms the board, and waits until it watches for a contact.
@@ -145,7 +172,11 @@ pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
 }
 
 impl MeasurementLine {
-    fn of(estimate: &Estimate, simulated: bool, configuration_crc: u32) -> Self {
+    fn of(
+        estimate: &Estimate,
+        contact: Option<&ContactTolerance>,
+        (simulated, configuration_crc): (bool, u32),
+    ) -> Self {
         Self {
             simulated,
             measurement: estimate.measurement,
@@ -157,6 +188,9 @@ impl MeasurementLine {
             temperature_c: estimate.temperature_c,
             configuration_crc,
             modulus: None,
+            contact_within_m: contact.map_or(0.0, |of| of.within_m),
+            contact_tilt_rad: contact.map_or(0.0, |of| of.tilt_rad),
+            contact: describe::contact(contact),
             limited_by: None,
             relaxation: None,
             true_n_per_m: None,
@@ -168,7 +202,7 @@ impl MeasurementLine {
 /// verb fail.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
-    let mut cause = None;
+    let (mut cause, mut tolerance) = (None, None);
     let mut declared = DeclaredTip::default();
     // Printed when the next result begins, so that it has the last report of the relaxation.
     let mut last: Option<MeasurementLine> = None;
@@ -179,12 +213,17 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
             declared.take(&record);
             match record {
                 Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
+                Record::Contact(of) => tolerance = Some(of),
                 Record::Estimate(estimate) => {
                     estimates += 1;
                     let line = MeasurementLine {
                         modulus: declared.evaluate(&estimate),
                         limited_by: cause.take(),
-                        ..MeasurementLine::of(&estimate, simulated, configuration_crc)
+                        ..MeasurementLine::of(
+                            &estimate,
+                            tolerance.as_ref(),
+                            (simulated, configuration_crc),
+                        )
                     };
                     if let Some(before) = last.replace(line) {
                         print(&before, arguments.json)?;
@@ -267,6 +306,7 @@ fn print(line: &MeasurementLine, json: bool) -> Result<(), Failure> {
         write!(out, "; simulated, truly {}", stiffness(true_n_per_m))?;
     }
     writeln!(out)?;
+    writeln!(out, "  contact: {}", line.contact)?;
     if let Some(modulus) = &line.modulus {
         modulus
             .lines()

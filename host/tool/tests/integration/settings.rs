@@ -7,8 +7,8 @@ use std::process::Output;
 use palpate_wire::Command as Set;
 use palpate_wire::code::TipShape;
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, DeformationCurve, DeformationKnot, Springs,
-    Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, DeformationCurve,
+    DeformationKnot, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use palpate_wire::configuration_crc;
 use serde_json::Value;
@@ -100,6 +100,12 @@ pub(crate) fn calibration() -> Vec<Set> {
         Set::SetTemperatureCoefficients(TemperatureCoefficients {
             springs_per_k: -0.002,
             rise_per_k: 0.003,
+        }),
+        Set::SetContact(ContactTolerance {
+            within_m: 1e-3,
+            tilt_rad: 2e-3,
+            rise_uncertainty: 4e-3,
+            zero_uncertainty_m: 2e-6,
         }),
     ]);
     let identity = Set::SetCalibrationIdentity(CalibrationIdentity {

@@ -4,8 +4,8 @@ use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
 use palpate_wire::code::TipShape;
 use palpate_wire::command::{
-    Attraction, Coil, Crosstalk, DeformationCurve, DeformationKnot, Settings, Springs, Stiffening,
-    TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, Coil, ContactTolerance, Crosstalk, DeformationCurve, DeformationKnot, Settings,
+    Springs, Stiffening, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 
 use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
@@ -117,6 +117,15 @@ pub(crate) fn tip() -> Command {
         poisson_uncertainty: 0.01,
         support_m_per_n: 2e-5,
         support_uncertainty: 0.05,
+    })
+}
+
+pub(crate) fn contact(rise_uncertainty: f32, zero_uncertainty_m: f32) -> Command {
+    Command::SetContact(ContactTolerance {
+        within_m: 1e-3,
+        tilt_rad: 2e-3,
+        rise_uncertainty,
+        zero_uncertainty_m,
     })
 }
 

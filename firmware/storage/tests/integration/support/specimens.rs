@@ -212,6 +212,12 @@ pub(crate) fn fullest() -> Vec<Command> {
         support_m_per_n: 2e-5,
         support_uncertainty: 0.05,
     }));
+    commands.push(Command::SetContact(ContactTolerance {
+        within_m: 1e-3,
+        tilt_rad: 2e-3,
+        rise_uncertainty: 4e-3,
+        zero_uncertainty_m: 2e-6,
+    }));
     commands.extend(identity);
     commands
 }

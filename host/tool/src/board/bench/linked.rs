@@ -8,11 +8,11 @@ use palpate_calibration::bench::{Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::failure::Failure;
 use palpate_sim::parameters::Parameters;
-use palpate_sim::rig::{BareRig, Gauges, Rig, RigReading};
+use palpate_sim::rig::{BareRig, Gauges, RigReading};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::World;
-use palpate_simulate::bench::{GaugeReading, bench_sample, mean_bare, press, specimen};
+use palpate_simulate::bench::{GaugeReading, bench_sample, mean_bare, on_rig, press};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
@@ -57,7 +57,7 @@ impl Bench for LinkedBench<'_> {
         pressed: Pressed,
         work: &mut Work<'_, Failure>,
     ) -> Result<Run, Failure> {
-        let rig = Rig::warmer(self.plant, SWITCHES, specimen(pressed), self.warmer_k)?;
+        let rig = on_rig(self.plant, SWITCHES, pressed, self.warmer_k)?;
         let (world, gauges) = rig.into_parts();
         let board = self.link.emulated().ok_or_else(no_bench)?;
         board.power_on_in(world)?;

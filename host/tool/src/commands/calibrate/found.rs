@@ -33,8 +33,12 @@ pub(crate) struct CalibrationFigures {
     pub(super) springs_per_k: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rise_per_k: Option<f64>,
+    /// Contacts for which intervals hold, and the relative standard uncertainty of 1/c_L at the
+    /// `loads` that they add; `None` for the centred, flat contact alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) contact: Option<ContactFigures>,
     /// Relative standard uncertainty of 1/c_L at the `loads`, c_L/c_S, without the noise of a
-    /// press.
+    /// press, in a centred, flat contact.
     pub(super) uncertainty: [f64; LOADS.len()],
     /// Loads of the uncertainties, c_L/c_S.
     pub(super) loads: [f64; LOADS.len()],
@@ -42,6 +46,14 @@ pub(crate) struct CalibrationFigures {
     pub(super) limits: Vec<Limit>,
     pub(crate) stored: bool,
     pub(crate) configuration_crc: u32,
+}
+
+/// Contacts within a tolerance.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct ContactFigures {
+    pub(super) within_m: f64,
+    pub(super) tilt_rad: f64,
+    pub(super) uncertainty: [f64; LOADS.len()],
 }
 
 /// A cause of uncertainty.
@@ -69,7 +81,7 @@ impl CalibrationFigures {
             calibration_id: identity.id,
             calibrated_at_s: identity.calibrated_at_s,
             calibrated_at_c: identity.calibrated_at_c,
-            runs: session.runs.len() + 1,
+            runs: session.runs.len() + session.contact.len() + 1,
             sensing_n_per_m: calibration.sensing_n_per_m,
             actuated_n_per_m: calibration.sensing_n_per_m / calibration.actuated.ratio,
             peak_current_a: task.plan.settings.peak_current_a,
@@ -77,6 +89,11 @@ impl CalibrationFigures {
             attraction_n: calibration.actuated.attraction_n_per_a2 * peak_a * peak_a,
             springs_per_k: calibration.coefficients.map(|of| of.springs.per_k),
             rise_per_k: calibration.coefficients.map(|of| of.rise.per_k),
+            contact: calibration.contact.map(|of| ContactFigures {
+                within_m: of.within_m,
+                tilt_rad: of.tilt_rad,
+                uncertainty: of.at_loads(calibration.actuated.ratio, calibration.depth_m()),
+            }),
             uncertainty: uncertainty.at,
             loads: LOADS,
             limits: limits(&uncertainty.parts),
@@ -121,6 +138,16 @@ impl CalibrationFigures {
                 percents(&self.uncertainty),
             ),
         ];
+        if let Some(contact) = &self.contact {
+            figures.push((
+                format!(
+                    "for contacts within {:.2} mm of the centre, tilted by at most {:.2} deg, also",
+                    1e3 * contact.within_m,
+                    contact.tilt_rad.to_degrees()
+                ),
+                percents(&contact.uncertainty),
+            ));
+        }
         if let Some((springs, rise)) = self.springs_per_k.zip(self.rise_per_k) {
             figures.push((
                 "for every kelvin".to_owned(),

@@ -4,15 +4,17 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
-use palpate_calibration::bench::{self, Bench};
+use palpate_calibration::bench::{self, Bench, ContactPlan};
 use palpate_calibration::session::{Pressed, Session};
 use palpate_calibration::{evaluate, evaluate_both};
 use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
-use palpate_wire::command::{CalibrationIdentity, Settings, TemperatureCoefficients};
-use palpate_wire::{Command, Record, configuration_crc};
+use palpate_wire::command::{
+    CalibrationIdentity, ContactTolerance, Settings, TemperatureCoefficients,
+};
+use palpate_wire::{Command, Message, Record, configuration_crc};
 
 use super::found;
 pub(crate) use super::found::CalibrationFigures;
@@ -23,7 +25,7 @@ use palpate_cli::notice;
 use palpate_cli::output::{OutputFile, distinct};
 use palpate_cli::progress::Progress;
 use palpate_cli::quantity::within;
-use palpate_simulate::instrument::{BenchTask, default_settings};
+use palpate_simulate::instrument::{BenchTask, ContactArguments, default_settings};
 
 use super::{report, written};
 use crate::board::bench::{LinkedBench, RigBench, RigPlan};
@@ -47,6 +49,7 @@ prints.
 Examples:
   palpate calibrate sensor --board emulated --save-session cold.json
   palpate calibrate sensor --board emulated --warmer-k 20 --other-session cold.json
+  palpate calibrate sensor --board emulated --contact-within 1 --contact-tilt 0.1
   palpate calibrate sensor --stack mine.toml --force ./read-cell --stage ./stage \\
     --springs 600,1200,3000,6000,12000,30000 --report calibration.html    # needs a bench
   palpate calibrate sensor --stack mine.toml --no-load-cell --stage ./stage \\
@@ -80,6 +83,8 @@ pub(crate) struct Arguments {
     /// layers
     #[arg(long, value_name = "FILE.json")]
     other_session: Option<PathBuf>,
+    #[command(flatten)]
+    contact: ContactArguments,
     /// Temperature of the emulated board's bench above its first one, K
     #[arg(long, value_name = "KELVIN", default_value_t = 0.0, value_parser = within(-50.0, 50.0, "K"), allow_negative_numbers = true)]
     warmer_k: f64,
@@ -123,6 +128,12 @@ impl Arguments {
     /// Refuses contradictory arguments.
     fn check(&self) -> Result<(), Failure> {
         let wrong = |reason: &str| Err(Failure::Argument(reason.to_owned()));
+        if self.other_session.is_some() && self.contact.plan() != ContactPlan::default() {
+            return wrong(
+                "the calibration is that of --other-session, with its contact: give --contact-within and \
+                 --contact-tilt to the command that saves that session",
+            );
+        }
         if self.is_simulated_bench() {
             if self.force.is_some() || self.stage.is_some() || !self.springs.is_empty() {
                 return wrong(
@@ -288,6 +299,7 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     if arguments.no_load_cell {
         task.known.load_cell_gain = None;
     }
+    task.plan.contact = arguments.contact.plan();
     Ok(task)
 }
 
@@ -351,6 +363,15 @@ pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
         Pressed::Nothing => "nothing touches".to_owned(),
         Pressed::Block => format!("block, {depth}"),
         Pressed::Spring { n_per_m } => format!("spring of {}, {depth}", stiffness(n_per_m)),
+        Pressed::BlockBeside { distance_m, .. } => {
+            format!(
+                "block {:.2} mm beside the centre, {depth}",
+                1e3 * distance_m
+            )
+        }
+        Pressed::BlockTilted { angle_rad, .. } => {
+            format!("block tilted by {:.2} deg, {depth}", angle_rad.to_degrees())
+        }
     }
 }
 
@@ -384,18 +405,24 @@ pub(crate) fn put_in_force(
         link.must(command)?;
     }
     let before = configuration::read(link)?;
-    let has_coefficients = |commands: &[Command]| {
-        let mut commands = commands.iter();
-        commands.any(|command| matches!(command, Command::SetTemperatureCoefficients(_)))
-    };
-    if has_coefficients(&before) && !has_coefficients(commands) {
-        // A part cannot be removed, so coefficients of zero replace it.
-        link.must(&Command::SetTemperatureCoefficients(
-            TemperatureCoefficients {
-                springs_per_k: 0.0,
-                rise_per_k: 0.0,
-            },
-        ))?;
+    // A part cannot be removed; with zeros it has no effect.
+    let without_effect = [
+        Command::SetTemperatureCoefficients(TemperatureCoefficients {
+            springs_per_k: 0.0,
+            rise_per_k: 0.0,
+        }),
+        Command::SetContact(ContactTolerance {
+            within_m: 0.0,
+            tilt_rad: 0.0,
+            rise_uncertainty: 0.0,
+            zero_uncertainty_m: 0.0,
+        }),
+    ];
+    for part in without_effect {
+        let has = |commands: &[Command]| commands.iter().any(|of| of.kind() == part.kind());
+        if has(&before) && !has(commands) {
+            link.must(&part)?;
+        }
     }
     let is_part = |command: &Command| {
         !matches!(

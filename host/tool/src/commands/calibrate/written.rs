@@ -90,6 +90,7 @@ mod tests {
         });
         Session {
             runs: vec![Run::new(Pressed::Nothing, 0.0), run],
+            contact: Vec::new(),
             deepest_press: Run::new(Pressed::Block, 0.4e-3),
             bare: vec![(1.0, 2e-6)],
             temperature_c: 43.1,

@@ -8,11 +8,13 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::ops::RangeInclusive;
 
+use palpate_calibration::session::Pressed;
 use palpate_cli::failure::Failure;
 use palpate_sim::Time;
 use palpate_sim::parameters::Parameters;
-use palpate_sim::rig::{BareRig, Gauges, Rig, RigReading, Specimen};
+use palpate_sim::rig::{BareRig, Gauges, RigReading};
 use palpate_sim::switches::Switches;
+use palpate_simulate::bench::on_rig;
 
 use super::{address_of, listen};
 use crate::board::emulated::PluggedBoard;
@@ -67,7 +69,7 @@ enum Kind {
 impl RigPort {
     /// Listens for the gauge programs of a plant's bench, without contact.
     pub(super) fn listen(address: SocketAddr, plant: Parameters) -> Result<Self, Failure> {
-        let (_, gauges) = Rig::new(&plant, Switches::all(), Specimen::Block)?.into_parts();
+        let (_, gauges) = on_rig(&plant, Switches::all(), Pressed::Block, 0.0)?.into_parts();
         Ok(Self {
             listener: listen(address, "--rig")?,
             programs: Vec::new(),
@@ -184,11 +186,11 @@ impl RigPort {
     /// Puts a specimen on the stage. Returns the answer.
     fn mount(
         &mut self,
-        specimen: Option<Specimen>,
+        specimen: Option<Pressed>,
         board: &mut PluggedBoard,
     ) -> Result<String, Failure> {
-        let on_stage = specimen.unwrap_or(Specimen::Block);
-        let (world, gauges) = match Rig::new(&self.plant, Switches::all(), on_stage) {
+        let on_stage = specimen.unwrap_or(Pressed::Block);
+        let (world, gauges) = match on_rig(&self.plant, Switches::all(), on_stage, 0.0) {
             Ok(rig) => rig.into_parts(),
             Err(error) => return Ok(format!("error {error}")),
         };
@@ -212,14 +214,22 @@ fn within(text: &str, range: RangeInclusive<f64>) -> Option<f64> {
 
 /// Parses the argument of `mount`: `Some(Some(_))` is a specimen above the sensor, `Some(None)`
 /// block on block. For `nothing` a block stays above the sensor.
-fn specimen(words: &[&str]) -> Option<Option<Specimen>> {
+fn specimen(words: &[&str]) -> Option<Option<Pressed>> {
     match words {
-        ["nothing" | "block"] => Some(Some(Specimen::Block)),
+        ["nothing" | "block"] => Some(Some(Pressed::Block)),
         ["bare"] => Some(None),
         ["spring", n_per_m] => {
-            let nominal_n_per_m = n_per_m.parse().ok()?;
-            Some(Some(Specimen::Spring { nominal_n_per_m }))
+            let n_per_m = n_per_m.parse().ok()?;
+            Some(Some(Pressed::Spring { n_per_m }))
         }
+        ["block-beside", distance_m, direction_rad] => Some(Some(Pressed::BlockBeside {
+            distance_m: distance_m.parse().ok()?,
+            direction_rad: direction_rad.parse().ok()?,
+        })),
+        ["block-tilted", angle_rad, direction_rad] => Some(Some(Pressed::BlockTilted {
+            angle_rad: angle_rad.parse().ok()?,
+            direction_rad: direction_rad.parse().ok()?,
+        })),
         _ => None,
     }
 }

@@ -10,8 +10,9 @@ use palpate_wire::code::{
     Drift, FaultCode, Outcome, RebootTarget, StorageAction, StorageState, Stream, TipShape,
 };
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK,
-    Reboot, Settings, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, ContactTolerance, Crosstalk, DeformationCurve,
+    DeformationKnot, KNOTS_PER_CHUNK, Reboot, Settings, Springs, Stiffening, Tank,
+    TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use palpate_wire::{Command, Record, configuration_crc, record};
 
@@ -113,6 +114,12 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
         Command::SetTemperatureCoefficients(TemperatureCoefficients {
             springs_per_k: -1e-3 * scale,
             rise_per_k: 2e-3 * scale,
+        }),
+        Command::SetContact(ContactTolerance {
+            within_m: 1e-3,
+            tilt_rad: 2e-3,
+            rise_uncertainty: 4e-3,
+            zero_uncertainty_m: 2e-6 * scale,
         }),
     ]);
     let hash = configuration_crc(&commands[1..]);

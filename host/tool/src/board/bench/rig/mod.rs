@@ -443,5 +443,30 @@ fn specimen(pressed: Pressed) -> (String, String) {
                 stiffness(n_per_m)
             ),
         ),
+        Pressed::BlockBeside {
+            distance_m,
+            direction_rad,
+        } => (
+            format!("block-beside {distance_m:.6} {direction_rad:.4}"),
+            format!(
+                "Put the block on the stage, flat, {:.2} mm beside the centre of the coil towards {:.0} deg, \
+                 a millimetre above the sensor",
+                1e3 * distance_m,
+                direction_rad.to_degrees()
+            ),
+        ),
+        Pressed::BlockTilted {
+            angle_rad,
+            direction_rad,
+        } => (
+            format!("block-tilted {angle_rad:.6} {direction_rad:.4}"),
+            format!(
+                "Put the block on the stage, in the centre, tilted by {:.2} deg ({:.0} µm on 10 mm) so that its \
+                 edge at {:.0} deg touches first, a millimetre above the sensor",
+                angle_rad.to_degrees(),
+                1e4 * angle_rad.tan(),
+                direction_rad.to_degrees()
+            ),
+        ),
     }
 }

@@ -80,10 +80,7 @@ impl RigBench<'_> {
     /// stiffness, m.
     pub(super) fn travel_m(&self, depth_m: f64) -> f64 {
         let sensing = self.plan.sensing_n_per_m;
-        let load = match self.pressed {
-            Pressed::Spring { n_per_m } => sensing / n_per_m,
-            Pressed::Nothing | Pressed::Block => 0.0,
-        };
+        let load = sensing * self.pressed.compliance_m_per_n().unwrap_or_default();
         depth_m * (1.0 + sensing / self.plan.actuated_n_per_m + load)
     }
 
