@@ -16,6 +16,7 @@ mod checksum;
 mod configuration;
 mod decoder;
 mod encoder;
+mod field;
 mod frame;
 mod message;
 mod validation;

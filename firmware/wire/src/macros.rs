@@ -24,6 +24,10 @@ macro_rules! structure {
                     #[doc = ""]
                     #[doc = range_doc!($unit $(, $low, $high)?)]
                 )?
+                #[serde(
+                    serialize_with = "crate::field::write",
+                    deserialize_with = "crate::field::read"
+                )]
                 pub $field: $of,
             )+
         }

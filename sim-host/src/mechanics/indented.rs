@@ -228,7 +228,7 @@ impl LayerContact {
             let right_sides: Vec<f64> = points()
                 .map(|two_x| right(0.5 * step * two_x as f64))
                 .collect();
-            // The greatest eigenvalue of the kernel is 0.84 at the widest contact and nu 0.5.
+            // The greatest eigenvalue of the kernel is 0.80 at the widest contact and nu 0.5.
             let mut psi = right_sides.clone();
             for _ in 0..250 {
                 let next = right_sides.iter().zip(&matrix);

@@ -220,6 +220,12 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "modulus",
+        claim: "The 95 % intervals of Young's modulus hold, under pins and balls, on thick objects and on layers.",
+        command: "campaign modulus --plants 40 --seed 1441001",
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "efficiency",
         claim: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound.",
         command: "campaign efficiency --plants 40 --seed 810001",

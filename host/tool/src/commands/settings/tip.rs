@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use clap::Args;
+use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
 use palpate_cli::quantity::{length, part, spring};
 use palpate_wire::code::{Part, TipShape};
@@ -151,8 +152,8 @@ fn describe(tip: Option<&Tip>) -> String {
         "thick".to_owned()
     };
     let stand = if tip.support_m_per_n > 0.0 {
-        let n_per_mm = 1e-3 / tip.support_m_per_n;
-        format!("on {n_per_mm} N/mm {}", percent(tip.support_uncertainty))
+        let support = stiffness(1.0 / f64::from(tip.support_m_per_n));
+        format!("on {support} {}", percent(tip.support_uncertainty))
     } else {
         "on a rigid stand".to_owned()
     };
