@@ -235,11 +235,11 @@ impl Hardness {
     fn text(&self, scale: &str) -> String {
         let [least, greatest] = Scale::VALID;
         match self.reading {
-            Some(of) if of < least => format!("{scale} below {least}, out of scale"),
+            Some(of) if of < least => format!("{scale} below {least}"),
             Some(of) if of <= greatest => {
                 format!("{scale} {of:.0} ({:.0} to {:.0})", self.lower, self.upper)
             }
-            _ => format!("{scale} above {greatest}, out of scale"),
+            _ => format!("{scale} above {greatest}"),
         }
     }
 }
@@ -444,7 +444,7 @@ mod tests {
         );
         assert_eq!(
             evaluated.hardness().unwrap(),
-            "computed equivalent: Shore 00 71 (69 to 73); Shore A below 20, out of scale"
+            "computed equivalent: Shore 00 71 (69 to 73); Shore A below 20"
         );
         assert_eq!(pressure(1.234e6), "1.23 MPa");
         assert_eq!(pressure(41_200.0), "41.2 kPa");
