@@ -159,7 +159,10 @@ impl<'t> TableSection<'t> {
     }
 
     /// Reads an optional key; `None` if the key is missing.
-    pub(crate) fn if_given<T>(
+    ///
+    /// # Errors
+    /// [`FileError`] of `read`.
+    pub fn if_given<T>(
         &self,
         key: &str,
         read: impl FnOnce(&str) -> Result<T, FileError>,
@@ -168,7 +171,10 @@ impl<'t> TableSection<'t> {
     }
 
     /// Refuses a key that does not fit the table's other keys.
-    pub(crate) fn refuse(&self, key: &str, allowed: &str) -> Result<(), FileError> {
+    ///
+    /// # Errors
+    /// [`FileError`] if the table has the key.
+    pub fn refuse(&self, key: &str, allowed: &str) -> Result<(), FileError> {
         self.if_given(key, |key| {
             self.value(key, allowed, |of| Err::<(), _>(kind(of)))
         })
@@ -274,6 +280,21 @@ impl<'t> TableSection<'t> {
     /// [`FileError`] if it is missing, not a number, or out of range.
     pub fn number_within(&self, key: &str, allowed: &Allowed) -> Result<f64, FileError> {
         self.value(key, allowed.bounds(), |value| number_in(value, allowed))
+    }
+
+    /// A whole number within a range.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing, not a whole number, or out of range.
+    pub fn whole_within(&self, key: &str, allowed: &Allowed) -> Result<u32, FileError> {
+        let whole = format!("a whole number, {}", allowed.bounds());
+        self.value(key, whole, |value| {
+            let number = number_in(value, allowed)?;
+            if number.fract() != 0.0 || !(0.0..=f64::from(u32::MAX)).contains(&number) {
+                return Err(format!("is {number}"));
+            }
+            Ok(number as u32)
+        })
     }
 
     /// A list of numbers, not empty, each within a range.
