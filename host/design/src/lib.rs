@@ -3,5 +3,6 @@
 pub mod field;
 pub mod plan;
 pub mod plan_ldc;
+pub mod plan_touch;
 pub mod stack;
 pub mod words;

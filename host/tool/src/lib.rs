@@ -15,7 +15,7 @@ use commands::{
     serve, settings, watch,
 };
 use palpate_cli::failure;
-use palpate_design::{field, plan, plan_ldc, stack, words};
+use palpate_design::{field, plan, plan_ldc, plan_touch, stack, words};
 use palpate_simulate::{demo, scenario};
 
 /// Command-line tool of a tactile sensor that measures its deformation and the stiffness of the pressed object
@@ -60,6 +60,7 @@ enum Verb {
     Simulate(scenario::Arguments<board::engine::Arguments>),
     Campaign(palpate_simulate::campaign::Arguments),
     Plan(plan::Arguments),
+    PlanTouch(plan_touch::Arguments),
     Stack(stack::Arguments),
     Field(field::Arguments),
     LogTable(log_table::Arguments),
@@ -99,6 +100,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Verb::Simulate(arguments) => scenario::run(&arguments),
         Verb::Campaign(arguments) => campaign::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
+        Verb::PlanTouch(arguments) => plan_touch::run(&arguments),
         Verb::Stack(arguments) => stack::run(&arguments),
         Verb::Field(arguments) => field::run(&arguments),
         Verb::LogTable(arguments) => log_table::run(&arguments),

@@ -28,6 +28,7 @@ mod mutation;
 mod outputs;
 mod plan;
 mod plan_ldc;
+mod plan_touch;
 mod read_recordings;
 mod recordings;
 mod records;
