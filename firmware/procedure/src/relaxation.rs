@@ -38,7 +38,7 @@ const BEFORE: f32 = 0.15;
 /// Mean deformation of a block of time without current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Level {
-    /// End of the block.
+    /// Middle of the block's last conversion.
     pub(crate) at: Instant,
     pub(crate) deformation: Metre,
     /// Mean age of the deformation.
@@ -56,40 +56,36 @@ pub(crate) struct HeldPress {
     before: Level,
     /// Blocks after the train; the first one, in which the stiffening fades, is not reported.
     blocks: Steadiness,
-    last: Instant,
+    /// Middle of the last conversion.
+    last: Option<Instant>,
     /// Time of holding from which the next record is due; infinite after the last one.
     due: Second,
 }
 
 impl HeldPress {
-    /// Starts with the end of the train.
-    pub(crate) fn new(
-        estimate: &Estimate,
-        actuated_ratio: f32,
-        before: Level,
-        now: Instant,
-    ) -> Self {
+    /// Starts after the train.
+    pub(crate) fn new(estimate: &Estimate, actuated_ratio: f32, before: Level) -> Self {
         Self {
             measurement: estimate.measurement,
             load_ratio: (estimate.load_ratio, estimate.load_ratio_standard_error),
             actuated_ratio,
             before,
             blocks: Steadiness::default(),
-            last: now,
+            last: None,
             due: Second(0.0),
         }
     }
 
-    /// Takes a deformation; `steady_m_per_s` is the greatest rate of a steady press. Returns the
-    /// relaxation if a record is due.
+    /// Takes the deformation of a conversion with its middle, `interval` after the previous one;
+    /// `steady_m_per_s` is the greatest rate of a steady press. Returns the relaxation if a record is due.
     pub(crate) fn push(
         &mut self,
-        at: Instant,
+        (at, interval): (Instant, Second),
         deformation: &Deformation,
         steady_m_per_s: f32,
     ) -> Option<Relaxation> {
-        let interval = seconds(self.last, at);
-        self.last = at;
+        let last = self.last.replace(at);
+        let interval = last.map_or(interval, |last| seconds(last, at));
         let rate = self.blocks.push(interval, deformation.value)?;
         let held = seconds(self.before.at, at);
         if held < self.due || rate.is_nan() || rate.abs() > steady_m_per_s {

@@ -46,7 +46,7 @@ impl Procedure {
     ) {
         let touch = deformation.map(|of| of.touch);
         let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
-        self.follow_held(deformation, out);
+        self.follow_held(deformation, (scan.middle, interval), out);
         let settings = &self.configuration.settings;
         match &mut self.phase {
             Phase::SelfTest { good } => {
@@ -191,7 +191,7 @@ impl Procedure {
             return self.refuse(Reason::new(reason, Some(pressed_m), Some(least_m)), out);
         }
         let before = Level {
-            at: out.now,
+            at: settling.last.unwrap_or(out.now),
             deformation: settling.steadiness.mean().unwrap_or(deformation.value),
             mean_age: deformation.mean_age,
         };
@@ -202,12 +202,17 @@ impl Procedure {
     }
 
     /// Follows a press that is held after its estimate, as long as the coil is at rest.
-    fn follow_held(&mut self, deformation: Option<Deformation>, out: &mut Out<'_>) {
+    fn follow_held(
+        &mut self,
+        deformation: Option<Deformation>,
+        conversion: (Instant, Second),
+        out: &mut Out<'_>,
+    ) {
         let at_rest = matches!(self.phase, Phase::Reporting { .. } | Phase::Release { .. });
         let steady_m_per_s = self.configuration.settings.steady_m_per_s;
         match (&mut self.held, deformation) {
             (Some(held), Some(deformation)) if at_rest && !deformation.is_untouched() => {
-                if let Some(record) = held.push(out.now, &deformation, steady_m_per_s) {
+                if let Some(record) = held.push(conversion, &deformation, steady_m_per_s) {
                     out.record(Record::Relaxation(record));
                 }
             }
@@ -281,7 +286,7 @@ impl Procedure {
         }
         match outcome {
             MeasurementOutcome::Estimate(report) => {
-                self.held = measurement.held(&report.estimate, out.now);
+                self.held = measurement.held(&report.estimate);
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {
                     report,

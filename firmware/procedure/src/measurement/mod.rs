@@ -262,14 +262,9 @@ impl Measurement {
     }
 
     /// Returns the press that is held after this estimate.
-    pub(crate) fn held(&self, estimate: &Estimate, now: Instant) -> Option<HeldPress> {
+    pub(crate) fn held(&self, estimate: &Estimate) -> Option<HeldPress> {
         let reference = self.ramps.as_ref()?.reference();
-        Some(HeldPress::new(
-            estimate,
-            reference.regressor(),
-            self.before,
-            now,
-        ))
+        Some(HeldPress::new(estimate, reference.regressor(), self.before))
     }
 
     /// Returns the start of the touch.

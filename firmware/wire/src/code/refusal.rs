@@ -59,10 +59,9 @@ codes! {
         /// on it, or the rest position has moved. Value: its reading, as a deformation, m; limit: the
         /// greatest reading of an untouched sensor.
         RestMoved = 24 "rest_moved",
-        /// The ramps bend as with an object that relaxes within them, or with a stand that shakes in
-        /// step; press a spring to tell. Less cross-talk than calibrated bends them alike; a lag, play or
-        /// saturation of the stiffening bends them the other way (`misfit`). Value and limit: as for
-        /// `misfit`.
+        /// The ramps bend as with an object that relaxes within them: press a spring to tell. A stand that
+        /// shakes in step and less cross-talk than calibrated bend them alike; a lag, play or saturation
+        /// of the stiffening bends them the other way (`misfit`). Value and limit: as for `misfit`.
         Relaxes = 25 "relaxes",
     }
 }
