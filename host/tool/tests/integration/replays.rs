@@ -30,6 +30,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert!(count("sample", "identical") > 6_500, "{replayed}");
     assert_eq!(count("estimate", "identical"), 1, "{replayed}");
     assert_eq!(count("uncertainty_budget", "identical"), 1, "{replayed}");
+    assert_eq!(count("relaxation", "identical"), 2, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
     // Other programs rewrite a file with the notes behind the messages: the replay is the same.
