@@ -43,9 +43,9 @@ fn a_half_space_under_pin_and_ball_has_the_modulus_of_its_closed_form() {
 #[test]
 fn the_factors_are_those_of_hayes_integral_equation() {
     let (mut worst_kappa, mut worst_lambda) = (0.0_f64, 0.0_f64);
-    for nu in [0.3, 0.33, 0.37, 0.42, 0.46, 0.49, 0.5] {
-        for step in 1..=16 {
-            let aspect = f64::from(step) / 16.0;
+    for nu in [0.3, 0.35, 0.42, 0.47, 0.5] {
+        for step in 1..=10 {
+            let aspect = f64::from(step) / 10.0;
             let layer = Layer::new(aspect, nu);
             let (a, n) = (aspect as f32, nu as f32);
             let off = |factor: f32, exact: f64| (f64::from(factor) / exact - 1.0).abs();

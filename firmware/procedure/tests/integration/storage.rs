@@ -523,6 +523,7 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
     desk.accepted(Command::SetSettings(DEFAULT_SETTINGS));
     desk.accepted(get.clone());
     desk.accepted(tip());
+    desk.accepted(get.clone());
     desk.accepted(identity.clone());
     desk.accepted(get.clone());
     for part in &parts[1..] {
