@@ -134,7 +134,7 @@ pub(crate) mod tests {
     }
 
     /// Commands for one part, the kind of its record, and bit errors in it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 12] {
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 13] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
