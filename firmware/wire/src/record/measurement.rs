@@ -99,7 +99,7 @@ structure! {
 
 structure! {
     /// How much further the pressed object, with what it stands on, gives way at the same force. A
-    /// press that moves, as in a hand, cannot be told from it.
+    /// press that moves, as in a hand, looks the same.
     ///
     /// The sensor itself creeps by 1.8 % of the deformation for each e-fold of the press's age, with a
     /// standard uncertainty of 1.04 % for each of its layers: the first is subtracted, the second is
