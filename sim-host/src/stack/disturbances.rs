@@ -26,7 +26,7 @@ pub struct Disturbances {
     pub current_chain: CurrentChainRanges,
     /// The press.
     pub press: PressRanges,
-    /// The contact.
+    /// The contact, always as in contact.toml of this crate.
     pub contact: ContactRanges,
     /// The bench on which an instrument is calibrated.
     pub calibration_rig: RigRanges,
@@ -119,7 +119,7 @@ table! {
 }
 
 table! {
-    /// `[contact]`.
+    /// `[contact]` of contact.toml.
     ContactRanges {
         stiffening_lost_per_m2 = "stiffening_lost_per_m2", -1e5 to 1e5 "1/m2",
             "Relative loss of the stiffening per square of the distance from the axis";
@@ -146,7 +146,7 @@ const COIL_FORM: &str = "\"do 14 mm, di 4 mm, 25 turns, MSE on both sides, slabs
                          gap 1 mm at rest\", with other numbers, or MSE on one side";
 
 /// Sections of the file.
-const SECTIONS: [&str; 12] = [
+const SECTIONS: [&str; 11] = [
     "crosstalk",
     "attraction",
     "creep",
@@ -156,7 +156,6 @@ const SECTIONS: [&str; 12] = [
     "ldc",
     "current_chain",
     "press",
-    "contact",
     "calibration_rig",
     "load",
 ];
@@ -179,6 +178,8 @@ impl Disturbances {
     /// [`FileError`] names line, key and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
         let file = TableSection::parse(file, text, &SECTIONS)?;
+        let contact = include_str!("../../stacks/contact.toml");
+        let contact = TableSection::parse("contact.toml", contact, &["contact"])?;
         let alone = |section, key, allowed| file.section(section, &[key])?.quantity(key, &allowed);
         Ok(Self {
             crosstalk_relative_slope_per_press_depth: alone(
@@ -198,7 +199,7 @@ impl Disturbances {
             ldc: file.table("ldc")?,
             current_chain: file.table("current_chain")?,
             press: file.table("press")?,
-            contact: file.table("contact")?,
+            contact: contact.table("contact")?,
             calibration_rig: file.table("calibration_rig")?,
             load_ratios_to_sensing_spring: file
                 .section("load", &["ratio_to_sensing_spring"])?

@@ -114,7 +114,7 @@ pub(crate) fn calibration() -> Vec<Set> {
         calibrated_at_c: 23.4,
         hash: configuration_crc(&commands),
     });
-    commands.push(Set::SetTip(Tip {
+    let tip = Set::SetTip(Tip {
         shape: TipShape::Ball,
         radius_m: 4e-3,
         radius_uncertainty: 5e-3,
@@ -124,7 +124,9 @@ pub(crate) fn calibration() -> Vec<Set> {
         poisson_uncertainty: 0.01,
         support_m_per_n: 2e-5,
         support_uncertainty: 0.05,
-    }));
+    });
+    // The order is that of the kinds; the contact, the last part so far, comes after the tip.
+    commands.insert(commands.len() - 1, tip);
     commands.push(identity);
     commands
 }

@@ -123,7 +123,7 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
         }),
     ]);
     let hash = configuration_crc(&commands[1..]);
-    commands.push(Command::SetTip(Tip {
+    let tip = Command::SetTip(Tip {
         shape: TipShape::FlatPin,
         radius_m: 3e-3 * scale,
         radius_uncertainty: 0.01,
@@ -133,7 +133,9 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
         poisson_uncertainty: 0.01,
         support_m_per_n: 0.0,
         support_uncertainty: 0.0,
-    }));
+    });
+    // The order is that of the kinds; the contact, the last part so far, comes after the tip.
+    commands.insert(commands.len() - 1, tip);
     commands.push(Command::SetCalibrationIdentity(CalibrationIdentity {
         id: number,
         calibrated_at_s: 1_795_000_000 + number,
