@@ -3,7 +3,7 @@
 //! Beside the centre the field under the object is weaker or stronger, so the actuated layer
 //! stiffens by another amount. A tilted face touches with its edge first: over the first stage
 //! s = 2 a θ of its deformation the sensing layer has only a share of its stiffness, then all of
-//! it. This is a spring in series with the layer that closes ([`Closing`]); a zero that is shifted
+//! it. This is a spring in series with the layer that closes (`Closing`); a zero that is shifted
 //! by (1 − share) s remains.
 
 /// Place and tilt of a contact. The default is centred and flat.
