@@ -18,7 +18,7 @@ use crate::configuration::Calibrated;
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
-use crate::relaxation::{HeldPress, Level};
+use crate::relaxation::{CREEP, CREEP_UNCERTAINTY, HeldPress, Level};
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
 pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
@@ -89,12 +89,6 @@ struct ZeroAtTrain {
 /// Longest time from press to train at a calibration on a bench, s: the calibration contains the creep
 /// up to this time.
 const BENCH_S: f32 = 1.5;
-
-/// Relative creep of the sensing layer while the age of the deformation grows by a factor of e: three
-/// modes of 6 % each, averaged over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
-pub(crate) const CREEP: f32 = 0.018;
-/// Standard uncertainty of [`CREEP`], which ranges from zero to twice that value.
-pub(crate) const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 impl ZeroAtTrain {
     /// Computes the zero at the first sample of a train.
