@@ -198,30 +198,53 @@ impl MeasurementLine {
     }
 }
 
+/// Tip and contact tolerance of the board since its last start: another start may be without.
+#[derive(Default)]
+struct Stated {
+    boot_id: Option<u32>,
+    tip: DeclaredTip,
+    tolerance: Option<ContactTolerance>,
+}
+
+impl Stated {
+    fn take(&mut self, boot_id: u32, record: &Record) {
+        if self.boot_id != Some(boot_id) {
+            *self = Self {
+                boot_id: Some(boot_id),
+                ..Self::default()
+            };
+        }
+        self.tip.take(record);
+        if let Record::Contact(tolerance) = record {
+            self.tolerance = Some(tolerance.clone());
+        }
+    }
+}
+
 /// Prints the measurements of a recording. A recorded refusal is printed, and does not make this
 /// verb fail.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
-    let (mut cause, mut tolerance) = (None, None);
-    let mut declared = DeclaredTip::default();
+    let mut cause = None;
+    let mut stated = Stated::default();
     // Printed when the next result begins, so that it has the last report of the relaxation.
     let mut last: Option<MeasurementLine> = None;
     while let Ok(()) = link.listen(PLAYED) {
         let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
         let simulated = arguments.link.is_simulated(link);
-        for (_, record) in link.take_records() {
-            declared.take(&record);
+        for arrival in link.take() {
+            let record = arrival.frame.message;
+            stated.take(arrival.frame.header.boot_id, &record);
             match record {
                 Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
-                Record::Contact(of) => tolerance = Some(of),
                 Record::Estimate(estimate) => {
                     estimates += 1;
                     let line = MeasurementLine {
-                        modulus: declared.evaluate(&estimate),
+                        modulus: stated.tip.evaluate(&estimate),
                         limited_by: cause.take(),
                         ..MeasurementLine::of(
                             &estimate,
-                            tolerance.as_ref(),
+                            stated.tolerance.as_ref(),
                             (simulated, configuration_crc),
                         )
                     };
@@ -317,4 +340,20 @@ fn print(line: &MeasurementLine, json: bool) -> Result<(), Failure> {
         writeln!(out, "  {sentence}")?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::watch::tests::fixture;
+
+    #[test]
+    fn what_one_start_stated_is_not_assumed_of_the_next() {
+        let mut stated = Stated::default();
+        stated.take(1, &fixture("contact"));
+        stated.take(1, &fixture("hello"));
+        assert!(stated.tolerance.is_some());
+        stated.take(2, &fixture("hello"));
+        assert!(stated.tolerance.is_none());
+    }
 }
