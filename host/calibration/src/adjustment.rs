@@ -51,7 +51,7 @@ const SCATTER_SETTLED: f64 = 1e-3;
 /// Prior standard deviation of the changes of c_S/c_D0, h and attraction, far above typical
 /// results. It keeps the values of the fit of all samples where a bench with a single depth cannot
 /// separate them.
-const BEFOREHAND: f64 = 1.0;
+const PRIOR_DEVIATION: f64 = 1.0;
 /// Prior standard deviations of the changes of the cross-talk and of its growth, relative to the
 /// cross-talk: the train without contact determines the cross-talk, the load cell its growth. On 60
 /// simulated sensors of the design `ultrasoft` the changes are at most a tenth and three tenths. On
@@ -378,9 +378,9 @@ impl<'f> Trains<'f> {
         }
         let crosstalk = self.fitted.crosstalk_at_peak().max(CARRIES_GROWTH);
         let of_crosstalk = OF_CROSSTALK.map(|part| part * crosstalk);
-        let beforehand = [BEFOREHAND; 3].into_iter().chain(of_crosstalk);
+        let prior_deviations = [PRIOR_DEVIATION; 3].into_iter().chain(of_crosstalk);
         let springs = self.springs.iter().map(|_| tolerance);
-        for (index, sigma) in beforehand.chain(springs).enumerate() {
+        for (index, sigma) in prior_deviations.chain(springs).enumerate() {
             let row = (0..unknowns).map(|of| f64::from(u8::from(of == index)));
             system.add(row.collect(), 0.0, 1.0 / sigma);
         }

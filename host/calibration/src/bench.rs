@@ -404,13 +404,13 @@ fn rest<E: From<BrokenOff>>(
         decimation: 1,
         ..settings.clone()
     };
-    must(instrument, Command::SetSettings(settings))?;
-    must(instrument, Command::SetCoil(coil.clone()))?;
+    send_accepted(instrument, Command::SetSettings(settings))?;
+    send_accepted(instrument, Command::SetCoil(coil.clone()))?;
     run_until(instrument, end, &mut run.lines)
 }
 
 /// Sends a command and requires its acceptance.
-fn must<E: From<BrokenOff>>(
+fn send_accepted<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     command: Command,
 ) -> Result<(), E> {
@@ -437,7 +437,7 @@ fn sweep<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     lines: &mut Vec<BenchSample>,
 ) -> Result<f64, E> {
-    must(instrument, Command::Arm)?;
+    send_accepted(instrument, Command::Arm)?;
     instrument.post(Command::Sweep)?;
     let limit = instrument.now() + TRAIN;
     let mut ramps_s = None;

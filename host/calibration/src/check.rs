@@ -58,7 +58,7 @@ pub struct Checked {
 /// If a part of the calibration is missing, or the press contradicts it.
 pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchecked> {
     let brought = brought_to(commands, press.temperature_c);
-    let calibrated = InForce::of(&brought)?;
+    let calibrated = ActiveCalibration::of(&brought)?;
     let of_stiffening = calibrated.stiffening_of_signal(press.force_n)?;
     let open = calibrated.open(press.temperature_c);
     let filter = Filter::of(&open, calibrated.ratio(), press, calibrated.kappa(press));
@@ -70,7 +70,7 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
         return Err(Unchecked::Contradiction { deviation });
     }
     let left = terms(calibrated.ratio(), |kappa| filter.left(&open, kappa));
-    let left = Open::of_terms(left.map_err(|_| Unchecked::NotAPress)?);
+    let left = KappaVariance::of_terms(left.map_err(|_| Unchecked::NotAPress)?);
     // Only the stiffening changes; the attraction's contribution to the signal does not.
     let grows = 1.0 + filter.gain * filter.error / filter.whole / of_stiffening;
     let before = calibrated.rise_at_peak()?;
@@ -86,13 +86,13 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
 /// Independent standard uncertainties of kappa: a constant one, one proportional to kappa, and one
 /// proportional to W.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Open {
+struct KappaVariance {
     constant: f64,
     scale: f64,
     signal: f64,
 }
 
-impl Open {
+impl KappaVariance {
     const fn of_terms([constant, scale, signal]: [f64; 3]) -> Self {
         Self {
             constant,
@@ -131,7 +131,7 @@ struct Filter {
 }
 
 impl Filter {
-    fn of(open: &Open, ratio: f64, press: &KnownPress, kappa: f64) -> Self {
+    fn of(open: &KappaVariance, ratio: f64, press: &KnownPress, kappa: f64) -> Self {
         let whole = 1.0 + kappa + ratio;
         let read_whole = 1.0 + press.load_ratio + ratio;
         // The instrument's standard error includes the calibration's contribution, which is
@@ -156,7 +156,7 @@ impl Filter {
 
     /// Variance at another kappa after the check. The constant error and the error proportional to
     /// kappa remain; their effect on the press is contained in the signal's size.
-    fn left(&self, open: &Open, kappa: f64) -> f64 {
+    fn left(&self, open: &KappaVariance, kappa: f64) -> f64 {
         let whole = 1.0 + kappa + self.ratio;
         let turned = self.gain * whole / self.whole;
         let of_constant = open.constant * (1.0 - turned);
@@ -167,7 +167,7 @@ impl Filter {
 }
 
 /// The needed parts of the calibration in force.
-struct InForce<'c> {
+struct ActiveCalibration<'c> {
     commands: &'c [Command],
     springs: &'c Springs,
     effect: Option<&'c TemperatureEffect>,
@@ -178,7 +178,7 @@ struct InForce<'c> {
     attraction_n_per_a2: f64,
 }
 
-impl<'c> InForce<'c> {
+impl<'c> ActiveCalibration<'c> {
     fn of(commands: &'c [Command]) -> Result<Self, Unchecked> {
         let (mut springs, mut effect, mut settings, mut attraction) = (None, None, None, None);
         let mut chunks: Vec<&StiffeningCurve> = Vec::new();
@@ -260,7 +260,7 @@ impl<'c> InForce<'c> {
 
     /// Uncertainties at a temperature. The instrument multiplies an error of the rise by W/(1 +
     /// rise) to get one of kappa.
-    fn open(&self, temperature_c: Option<f64>) -> Open {
+    fn open(&self, temperature_c: Option<f64>) -> KappaVariance {
         let warmer_k = self.warmer_k(temperature_c);
         let per_k = |of: fn(&TemperatureEffect) -> f32| {
             let per_k = self.effect.map_or(0.0, |effect| of(effect).into());
@@ -271,7 +271,7 @@ impl<'c> InForce<'c> {
             .rise_uncertainty
             .hypot(per_k(|of| of.rise_uncertainty_per_k));
         let rise = self.rise_at_peak().unwrap_or(0.0);
-        Open {
+        KappaVariance {
             constant: self.springs.sensing_uncertainty.into(),
             scale: f64::from(self.springs.force_scale_uncertainty)
                 .hypot(per_k(|of| of.springs_uncertainty_per_k)),
@@ -281,7 +281,7 @@ impl<'c> InForce<'c> {
 
     /// The commands with h scaled by `grows`, with new uncertainties, and with the temperature of
     /// the check.
-    fn with(&self, grows: f64, open: &Open, temperature_c: Option<f64>) -> Vec<Command> {
+    fn with(&self, grows: f64, open: &KappaVariance, temperature_c: Option<f64>) -> Vec<Command> {
         let rise = grown(self.rise_at_peak().unwrap_or(0.0), grows);
         let changed = |command: &Command| match command {
             Command::SetStiffeningCurve(chunk) => Command::SetStiffeningCurve(StiffeningCurve {
@@ -409,14 +409,17 @@ mod tests {
 
     /// Uncertainty of the signal's size at a temperature.
     fn signal_of(commands: &[Command], temperature_c: f64) -> f64 {
-        InForce::of(commands)
+        ActiveCalibration::of(commands)
             .unwrap()
             .open(Some(temperature_c))
             .signal
     }
 
     fn rise_of(commands: &[Command]) -> f64 {
-        InForce::of(commands).unwrap().rise_at_peak().unwrap()
+        ActiveCalibration::of(commands)
+            .unwrap()
+            .rise_at_peak()
+            .unwrap()
     }
 
     #[test]
@@ -490,7 +493,7 @@ mod tests {
             _ => None,
         });
         assert_eq!(effect, Some(30.0));
-        let springs = InForce::of(&checked.commands).unwrap().springs;
+        let springs = ActiveCalibration::of(&checked.commands).unwrap().springs;
         // 10 K make the springs uncertain by 2 %, which the signal does not show.
         let scale = f64::from(springs.force_scale_uncertainty);
         assert!(scale > 0.005, "{scale}");
@@ -631,7 +634,7 @@ mod tests {
             let (before, after) = (rise_of(&commands), rise_of(&checked.commands));
             let h = |rise: f64| rise / (1.0 + rise);
             let taken_over = h(after) / h(before) - 1.0;
-            let springs = InForce::of(&checked.commands).unwrap().springs;
+            let springs = ActiveCalibration::of(&checked.commands).unwrap().springs;
             let terms = [
                 springs.sensing_uncertainty.into(),
                 springs.force_scale_uncertainty.into(),

@@ -55,7 +55,7 @@ pub(crate) fn uncertainty(
     bench: BenchScatter,
     known: &Known,
 ) -> Result<Uncertainty, Unusable> {
-    let open = Open {
+    let open = RemainingVariance {
         adjusted,
         bench,
         sensing_n_per_m: known.sensing_n_per_m,
@@ -104,13 +104,13 @@ impl Uncertainty {
 }
 
 /// Remaining uncertainties, as variances of kappa.
-struct Open<'a> {
+struct RemainingVariance<'a> {
     adjusted: &'a Adjusted,
     bench: BenchScatter,
     sensing_n_per_m: f64,
 }
 
-impl Open<'_> {
+impl RemainingVariance<'_> {
     fn all(&self, kappa: f64) -> f64 {
         self.of_quantities(kappa, &self.adjusted.covariance)
             + self.of_train(kappa)

@@ -143,14 +143,14 @@ pub struct Detector {
     /// Sum of the test for movements that are neither drift nor touch.
     moving: f32,
     /// The current touch.
-    held: Option<Held>,
+    held: Option<OngoingTouch>,
     /// Upper bound of the sensor's remaining recovery.
     recovery: Recovery,
 }
 
 /// State of a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Held {
+struct OngoingTouch {
     zero: Zero,
     /// Reading before the touch; `None` if an untouched sensor can have this reading.
     doubtful: Option<Metre>,
@@ -383,7 +383,7 @@ impl Detector {
         } else {
             &self.baseline
         };
-        self.held = Some(Held {
+        self.held = Some(OngoingTouch {
             zero,
             doubtful: self.doubtful(before.value()),
             deepest: Metre(0.0),

@@ -12,7 +12,7 @@
 //! The headers of a step's records give the time at which the board ran the step. A step whose only
 //! record is the sample does not show this time, but then no result depends on it.
 
-mod in_force;
+mod active_configuration;
 mod run;
 
 use std::collections::HashMap;
@@ -23,7 +23,7 @@ use palpate_wire::command::Settings;
 use palpate_wire::record::{Acknowledgement, StateChange};
 use palpate_wire::{Command, Frame, Message, Record, encode};
 
-pub use in_force::InForce;
+pub use active_configuration::ActiveConfiguration;
 use run::{Run, is_computed};
 
 /// Reason why a record of the board is not recomputed.
@@ -93,7 +93,7 @@ impl Compared {
 /// Recomputes the records of boards, one by one.
 #[derive(Debug, Default)]
 pub struct Replay {
-    in_force: HashMap<u32, InForce>,
+    active_configuration: HashMap<u32, ActiveConfiguration>,
     boot_id: Option<u32>,
     is_armed: bool,
     run: Option<Run>,
@@ -106,8 +106,9 @@ pub struct Replay {
 
 impl Replay {
     /// Sets the settings and calibration of one boot of a board.
-    pub fn configure(&mut self, boot_id: u32, in_force: InForce) {
-        self.in_force.insert(boot_id, in_force);
+    pub fn configure(&mut self, boot_id: u32, active_configuration: ActiveConfiguration) {
+        self.active_configuration
+            .insert(boot_id, active_configuration);
     }
 
     /// Takes the next record; returns the finished comparisons.
@@ -185,11 +186,11 @@ impl Replay {
     /// Takes settings; returns whether they differ from the previous ones.
     fn change(&mut self, settings: &Settings) -> bool {
         let boot_id = self.boot_id.unwrap_or_default();
-        let Some(in_force) = self.in_force.get_mut(&boot_id) else {
+        let Some(active_configuration) = self.active_configuration.get_mut(&boot_id) else {
             return false;
         };
-        let is_other = in_force.settings != *settings;
-        in_force.settings = settings.clone();
+        let is_other = active_configuration.settings != *settings;
+        active_configuration.settings = settings.clone();
         is_other
     }
 
@@ -231,13 +232,15 @@ impl Replay {
 
     fn begin(&mut self, at: Instant) {
         let boot_id = self.boot_id.unwrap_or_default();
-        let Some(in_force) = self.in_force.get(&boot_id) else {
+        let Some(active_configuration) = self.active_configuration.get(&boot_id) else {
             return self.stop(Pause::Configuration);
         };
-        if in_force.settings.stream != Stream::Samples || in_force.settings.decimation > 1 {
+        if active_configuration.settings.stream != Stream::Samples
+            || active_configuration.settings.decimation > 1
+        {
             return self.stop(Pause::NotEverySample);
         }
-        self.run = Run::begin(boot_id, in_force, at, self.is_armed);
+        self.run = Run::begin(boot_id, active_configuration, at, self.is_armed);
         self.pause = self.run.is_none().then_some(Pause::Configuration);
     }
 }

@@ -12,7 +12,7 @@ use palpate_wire::code::{Chip, Mode, Outcome, ResetCause, State};
 use palpate_wire::record::{CoilTest, Hello, Sample, StateChange};
 use palpate_wire::{Command, Frame, Header, Message, Record};
 
-use super::InForce;
+use super::ActiveConfiguration;
 
 /// Channels of an LDC1614.
 const CHANNELS: u8 = 0b1111;
@@ -52,11 +52,11 @@ impl Run {
     /// calibration.
     pub(super) fn begin(
         boot_id: u32,
-        in_force: &InForce,
+        active_configuration: &ActiveConfiguration,
         at: Instant,
         is_armed: bool,
     ) -> Option<Self> {
-        let settings = &in_force.settings;
+        let settings = &active_configuration.settings;
         let setpoint = Setpoint {
             channels: settings.channels,
             rate_hz: settings.rate_hz,
@@ -65,17 +65,17 @@ impl Run {
         // Times within a scan do not depend on how its frame is read.
         let scheme = Scheme::new(setpoint, false).ok()?;
         let mut run = Self {
-            procedure: Procedure::new(board(boot_id, &in_force.hello)),
+            procedure: Procedure::new(board(boot_id, &active_configuration.hello)),
             actions: Actions::new(),
             now: at,
             window: Duration::from_ticks(scheme.window_us.into()),
             before_edge: Duration::from_ticks(scheme.before_edge_us.into()),
-            curves: curves(&in_force.calibration),
+            curves: curves(&active_configuration.calibration),
             made: Vec::new(),
         };
         run.event(at, &Event::Tick);
         let settings = Command::SetSettings(settings.clone());
-        for command in in_force.calibration.iter().chain([&settings]) {
+        for command in active_configuration.calibration.iter().chain([&settings]) {
             // The identity of the calibration changes no result.
             if !matches!(command, Command::SetCalibrationIdentity(_)) {
                 run.accepted(command, at)?;

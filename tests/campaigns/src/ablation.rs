@@ -324,7 +324,7 @@ fn table(rows: &[Row], loads: usize) -> Table {
             sum(|of| of.accepted),
             sum(|of| of.refused),
             sum(Counted::covered),
-            sum(Counted::falsely_sure),
+            sum(Counted::narrow_and_wrong),
             errors.collect::<Vec<_>>().join(", "),
         ]);
     }

@@ -97,7 +97,7 @@ const BLOCK_S: f64 = 0.1;
 
 /// A press of an object that relaxes.
 #[derive(Clone, Debug)]
-struct Held {
+struct RelaxedPress {
     /// Stiffness of the instant spring, in units of c_S.
     ratio: f64,
     law: usize,
@@ -115,7 +115,7 @@ struct Bent {
     verdict: Verdict,
 }
 
-type OfSensor = (Vec<Held>, Vec<Bent>);
+type OfSensor = (Vec<RelaxedPress>, Vec<Bent>);
 
 pub(crate) fn run(Arguments { drawn }: &Arguments) -> Result<(), Failure> {
     let stack = &Stack::named(&drawn.stack, Path::new(""))?;
@@ -185,7 +185,7 @@ fn hold(
     instrument: &CalibratedInstrument,
     ratio: f64,
     (law, amplitude): (usize, f64),
-) -> Result<Held, Failure> {
+) -> Result<RelaxedPress, Failure> {
     let n_per_m = ratio * instrument.plant.sensing.spring_n_per_m;
     let setup = Setup {
         load: viscoelastic(n_per_m, law, amplitude),
@@ -229,7 +229,7 @@ fn hold(
         }
         _ => None,
     });
-    Ok(Held {
+    Ok(RelaxedPress {
         ratio,
         law,
         amplitude,
@@ -324,7 +324,7 @@ struct Row {
 }
 
 impl Row {
-    fn of<'h>(held: impl Iterator<Item = &'h Held>) -> Self {
+    fn of<'h>(held: impl Iterator<Item = &'h RelaxedPress>) -> Self {
         let mut row = Self::default();
         let (mut errors, mut truths, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
         let mut squares = 0.0;
@@ -385,16 +385,21 @@ impl Row {
 }
 
 /// Rows of a law and an amplitude.
-fn rows(held: &[Held]) -> impl Iterator<Item = (&'static str, f64, Row)> {
+fn rows(held: &[RelaxedPress]) -> impl Iterator<Item = (&'static str, f64, Row)> {
     LAWS.iter().enumerate().flat_map(move |(index, law)| {
         AMPLITUDES.map(|amplitude| {
-            let of = |press: &&Held| press.law == index && press.amplitude == amplitude;
+            let of = |press: &&RelaxedPress| press.law == index && press.amplitude == amplitude;
             (law.name, amplitude, Row::of(held.iter().filter(of)))
         })
     })
 }
 
-fn print(drawn: &DrawnSensors, stack: &str, held: &[Held], bent: &[Bent]) -> Result<(), Failure> {
+fn print(
+    drawn: &DrawnSensors,
+    stack: &str,
+    held: &[RelaxedPress],
+    bent: &[Bent],
+) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let whole = Row::of(held.iter());
     if drawn.json {
@@ -486,7 +491,7 @@ fn print(drawn: &DrawnSensors, stack: &str, held: &[Held], bent: &[Bent]) -> Res
 }
 
 /// Median standard errors of the reported relaxations, by load.
-fn standard_errors(drawn: &DrawnSensors, held: &[Held]) -> String {
+fn standard_errors(drawn: &DrawnSensors, held: &[RelaxedPress]) -> String {
     let of_load = |ratio: &f64| {
         let held = held.iter().filter(|held| held.ratio == *ratio);
         let errors = held.filter_map(|held| held.relaxation.as_ref());

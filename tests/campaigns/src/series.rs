@@ -520,7 +520,7 @@ impl SeriesResult {
                 percent(counted.coverage95),
                 percent(counted.rms_ln),
                 percent(counted.half_width_ln),
-                percent(counted.false_confidence),
+                percent(counted.narrow_and_wrong_part),
             ]);
         }
         table

@@ -20,7 +20,7 @@ use super::sensor::PlannedSensor;
 pub(super) const CREEP: f64 = 0.0015;
 /// Prior standard deviation of c_D0, stiffening and attraction, in the units of this module. It is
 /// wide, since the calibration uses no prior knowledge of these quantities.
-const BEFOREHAND: f64 = 1.0;
+const PRIOR_DEVIATION: f64 = 1.0;
 /// Prior standard deviations of the cross-talk and of its growth, relative to the cross-talk: the
 /// train without contact determines the cross-talk, the load cell its growth
 /// (docs/decisions/0082-adjustment.md).
@@ -47,7 +47,7 @@ pub struct PlannedBench<'s> {
     pub(super) lines: Vec<TrainLine>,
     trains: Vec<BenchTrain>,
     /// Prior variances of the unknowns: those of the quantities, then those of the springs.
-    pub(super) beforehand: Vec<f64>,
+    pub(super) prior_variances: Vec<f64>,
     pub(super) information: Information,
 }
 
@@ -100,7 +100,7 @@ impl<'s> PlannedBench<'s> {
             conversions,
             lines,
             trains,
-            beforehand: beforehand(sensor, settings, springs),
+            prior_variances: prior_variances(sensor, settings, springs),
             information: Information::new(unknowns),
         };
         if !bench.is_clear() {
@@ -128,11 +128,11 @@ impl<'s> PlannedBench<'s> {
     pub(super) fn informed(&self, exact: Option<usize>) -> Information {
         /// Variance of a practically exact quantity.
         const EXACT: f64 = 1e-16;
-        let mut information = Information::new(self.beforehand.len());
+        let mut information = Information::new(self.prior_variances.len());
         for train in &self.trains {
             information.read(&train.row, train.variances.iter().sum());
         }
-        for (unknown, variance) in self.beforehand.iter().enumerate() {
+        for (unknown, variance) in self.prior_variances.iter().enumerate() {
             let variance = if exact == Some(unknown) {
                 EXACT
             } else {
@@ -161,9 +161,9 @@ impl<'s> PlannedBench<'s> {
             }
         }
         // The prior of a spring is its tolerance.
-        for (unknown, (gain, variance)) in gain.iter().zip(&self.beforehand).enumerate() {
+        for (unknown, (gain, variance)) in gain.iter().zip(&self.prior_variances).enumerate() {
             let cause = if unknown < QUANTITIES {
-                Cause::Beforehand
+                Cause::Prior
             } else {
                 Cause::Springs
             };
@@ -196,10 +196,10 @@ pub(super) fn of_train(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> 
 }
 
 /// Prior variances of quantities and springs.
-fn beforehand(sensor: &PlannedSensor, settings: &Settings, springs: usize) -> Vec<f64> {
+fn prior_variances(sensor: &PlannedSensor, settings: &Settings, springs: usize) -> Vec<f64> {
     let peak_a = f64::from(settings.peak_current_a);
     let crosstalk = (sensor.crosstalk_m(peak_a) / sensor.depth_m).max(LEAST_CROSSTALK);
-    let free = [BEFOREHAND; QUANTITIES - OF_CROSSTALK.len()];
+    let free = [PRIOR_DEVIATION; QUANTITIES - OF_CROSSTALK.len()];
     let of_crosstalk = OF_CROSSTALK.map(|part| part * crosstalk);
     // Uniform within the tolerance; the lower limit keeps the matrix regular for exact springs.
     let tolerance = (sensor.known.spring_tolerance / 3_f64.sqrt()).max(1e-6);

@@ -16,7 +16,7 @@ pub(crate) enum Cause {
     /// Temperature difference from the bench.
     Temperature,
     /// Possible change of the cross-talk, by its prior.
-    Beforehand,
+    Prior,
     /// Differences between bench and use that no train of the bench contains.
     Model,
 }
@@ -29,7 +29,7 @@ impl Cause {
         Self::Springs,
         Self::LoadCell,
         Self::Temperature,
-        Self::Beforehand,
+        Self::Prior,
         Self::Model,
     ];
     /// The causes within a single train.
@@ -44,7 +44,7 @@ impl Cause {
             Self::Springs => "springs",
             Self::LoadCell => "load_cell",
             Self::Temperature => "temperature",
-            Self::Beforehand => "beforehand",
+            Self::Prior => "prior",
             Self::Model => "model",
         }
     }

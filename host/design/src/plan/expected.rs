@@ -80,7 +80,7 @@ impl PlannedBench<'_> {
 
     /// Derivatives of kappa of a press, c_S/c_L of its load, with respect to the unknowns.
     pub(super) fn row(&self, line: &TrainLine, kappa: f64) -> Vec<f64> {
-        let mut row = vec![0.0; self.beforehand.len()];
+        let mut row = vec![0.0; self.prior_variances.len()];
         row.splice(..QUANTITIES, slopes(self.sensor, line, kappa));
         row
     }

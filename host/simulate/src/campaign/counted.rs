@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::coverage::Coverage;
 use super::press::{Claim, Press};
 
-/// An estimate is falsely confident if its error exceeds this number of its own standard errors,
+/// An estimate is narrow and wrong if its error exceeds this number of its own standard errors,
 /// and the size of ln(estimate/truth) exceeds [`BEYOND`].
 const STANDARD_ERRORS: f64 = 4.0;
 const BEYOND: f64 = 0.05;
@@ -35,7 +35,7 @@ pub struct Counted {
     /// Half of the intervals' median width, in ln.
     pub half_width_ln: Option<f64>,
     /// Part of the estimates with an error above four of their own standard errors and above 5 %.
-    pub false_confidence: Option<f64>,
+    pub narrow_and_wrong_part: Option<f64>,
     /// Root mean square error of the two-state formula, which uses rest and peak only.
     pub plain_rms_ln: Option<f64>,
 }
@@ -86,7 +86,7 @@ impl Counted {
             rms_over_standard_error: root_mean_square(&standardised),
             interval_score_ln: mean(&scores),
             half_width_ln,
-            false_confidence: part(&|press, claim| is_falsely_confident(press, claim)),
+            narrow_and_wrong_part: part(&|press, claim| is_narrow_and_wrong(press, claim)),
             plain_rms_ln: root_mean_square(&plain),
         }
     }
@@ -96,9 +96,9 @@ impl Counted {
         self.of_accepted(self.coverage95)
     }
 
-    /// Number of falsely confident estimates.
-    pub fn falsely_sure(&self) -> usize {
-        self.of_accepted(self.false_confidence)
+    /// Number of narrow and wrong estimates.
+    pub fn narrow_and_wrong(&self) -> usize {
+        self.of_accepted(self.narrow_and_wrong_part)
     }
 
     /// Coverage for one load, with its bounds; each sensor has one press.
@@ -112,7 +112,7 @@ impl Counted {
     }
 }
 
-fn is_falsely_confident(press: &Press, claim: &Claim) -> bool {
+fn is_narrow_and_wrong(press: &Press, claim: &Claim) -> bool {
     let Some(standard_errors) = standard_errors(press, claim) else {
         return !claim.holds(press.true_n_per_m);
     };
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(counted.coverage95, Some(0.5));
         // Only the error of 10 % counts: it exceeds four standard errors, which are 1 % each, and
         // 5 %.
-        assert_eq!(counted.false_confidence, Some(0.25));
+        assert_eq!(counted.narrow_and_wrong_part, Some(0.25));
         let near = |value: Option<f64>, expected: f64| {
             assert!(
                 (value.unwrap() / expected - 1.0).abs() < 1e-6,

@@ -384,7 +384,7 @@ fn figure(WorldResult { overall, bins, .. }: &WorldResult) -> String {
          {}.",
         overall.covered(),
         overall.accepted,
-        overall.falsely_sure(),
+        overall.narrow_and_wrong(),
         errors.collect::<Vec<_>>().join(", ")
     )
 }
@@ -400,7 +400,7 @@ fn figure_of_worlds(results: &[WorldResult]) -> String {
             refused + of.refused,
             covered + of.covered(),
             all + of.accepted,
-            sure + of.falsely_sure(),
+            sure + of.narrow_and_wrong(),
         ]
     });
     let [worlds, refused, covered, all, sure] = sums;
@@ -421,7 +421,7 @@ fn worlds(results: &[WorldResult]) -> String {
             _ if covered == all => whole.push(format!("{world} ({all})")),
             _ => missing.push((
                 world,
-                [all, overall.refused, covered, overall.falsely_sure()],
+                [all, overall.refused, covered, overall.narrow_and_wrong()],
             )),
         }
     }
@@ -512,7 +512,7 @@ fn table(result: &WorldResult) -> Table {
             number(counted.rms_over_standard_error),
             percent(counted.half_width_ln),
             percent(counted.interval_score_ln),
-            percent(counted.false_confidence),
+            percent(counted.narrow_and_wrong_part),
             percent(counted.plain_rms_ln),
         ]);
     }

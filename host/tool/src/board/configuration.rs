@@ -28,7 +28,7 @@ const CHANNELS: u8 = 4;
 /// If the board is gone or does not answer.
 pub(crate) fn settings(link: &mut Link) -> Result<Settings, Failure> {
     link.take();
-    link.must(&Command::GetSettings)?;
+    link.send_accepted(&Command::GetSettings)?;
     link.wait_for(RECORD_S, "settings", |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
         _ => None,

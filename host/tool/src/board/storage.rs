@@ -68,7 +68,7 @@ fn ended(
     patience_s: f64,
 ) -> Result<Storage, Failure> {
     link.take();
-    link.must(command)?;
+    link.send_accepted(command)?;
     link.wait_for(patience_s, "record of its storage", |record| match record {
         Record::Storage(storage) if storage.action == action => Some(storage.clone()),
         _ => None,

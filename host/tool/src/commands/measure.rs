@@ -134,7 +134,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         print(&line, arguments.json)?;
     }
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     Ok(())
 }
 
@@ -155,8 +155,8 @@ fn contact_tolerance(link: &mut Link) -> Result<Option<ContactTolerance>, Failur
 
 /// Arms the board, and waits until it watches for a contact.
 pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
-    link.must(&Command::Disarm)?;
-    link.must(&Command::Arm)?;
+    link.send_accepted(&Command::Disarm)?;
+    link.send_accepted(&Command::Arm)?;
     let is_touched = link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
         Record::State(change) => match change.state {
             State::Watching => Some(false),

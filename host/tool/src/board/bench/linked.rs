@@ -63,7 +63,7 @@ impl Bench for LinkedBench<'_> {
         board.power_on_in(world)?;
         self.link.reconnect(&self.interrupt)?;
         // The answer sets the link's copy of the device's clock.
-        self.link.must(&Command::GetSettings)?;
+        self.link.send_accepted(&Command::GetSettings)?;
         work(&mut LinkedInstrument {
             link: self.link,
             gauges,

@@ -285,7 +285,7 @@ impl Link {
     }
 
     /// Sends a command that must be accepted. Returns the device time of the answer, s.
-    pub(crate) fn must(&mut self, command: &Command) -> Result<f64, Failure> {
+    pub(crate) fn send_accepted(&mut self, command: &Command) -> Result<f64, Failure> {
         let (at_s, outcome) = self.ask(command)?;
         if outcome == Outcome::Accepted {
             return Ok(at_s);
@@ -435,7 +435,7 @@ impl Link {
         let mut left_s = time_s;
         while left_s > 0.0 {
             self.pass(left_s.min(KEEP_ALIVE_S))?;
-            self.must(&Command::GetSettings)?;
+            self.send_accepted(&Command::GetSettings)?;
             left_s -= KEEP_ALIVE_S;
         }
         Ok(())

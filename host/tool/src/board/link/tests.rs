@@ -109,12 +109,12 @@ impl Transport for MadeBoard {
 #[test]
 fn a_board_with_new_power_and_the_same_boot_id_has_another_clock() {
     let mut link = MadeBoard::link(BoardPresence::Powered, &Interrupt::uncaught());
-    link.must(&Command::GetSettings).unwrap();
+    link.send_accepted(&Command::GetSettings).unwrap();
     let (before_s, _) = link.clock().offset_s().unwrap();
     assert!(before_s.abs() < 2e-3, "{before_s} s");
     link.reconnect(&Interrupt::uncaught()).unwrap();
     let powered_at_s = link.now().as_secs_f64();
-    link.must(&Command::GetSettings).unwrap();
+    link.send_accepted(&Command::GetSettings).unwrap();
     assert_eq!(link.clock().boot_id(), 7);
     let (after_s, _) = link.clock().offset_s().unwrap();
     assert!((after_s - powered_at_s).abs() < 0.02, "{after_s} s");

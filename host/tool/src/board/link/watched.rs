@@ -28,7 +28,7 @@ impl Watched {
     pub(crate) fn open(&self) -> Result<Link, Failure> {
         let mut link = self.link.open_pressed(Run::AtRealPace, self.load)?;
         if self.arm {
-            link.must(&Command::Arm)?;
+            link.send_accepted(&Command::Arm)?;
         }
         Ok(link)
     }

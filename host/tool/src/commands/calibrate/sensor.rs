@@ -400,9 +400,9 @@ pub(crate) fn put_in_force(
     commands: &[Command],
     identity: CalibrationIdentity,
 ) -> Result<(), Failure> {
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     for command in commands {
-        link.must(command)?;
+        link.send_accepted(command)?;
     }
     let before = configuration::read(link)?;
     // A part cannot be removed; with zeros it has no effect.
@@ -421,7 +421,7 @@ pub(crate) fn put_in_force(
     for part in without_effect {
         let has = |commands: &[Command]| commands.iter().any(|of| of.kind() == part.kind());
         if has(&before) && !has(commands) {
-            link.must(&part)?;
+            link.send_accepted(&part)?;
         }
     }
     let is_part = |command: &Command| {
@@ -432,7 +432,7 @@ pub(crate) fn put_in_force(
     };
     let mut parts = configuration::read(link)?;
     parts.retain(is_part);
-    link.must(&Command::SetCalibrationIdentity(CalibrationIdentity {
+    link.send_accepted(&Command::SetCalibrationIdentity(CalibrationIdentity {
         hash: configuration_crc(parts),
         ..identity
     }))?;

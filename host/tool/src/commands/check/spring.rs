@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let estimate = measured(&mut link, arguments.wait)?;
     let own = truth(&mut link);
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     let spring_n_per_m = arguments.spring.or(own).ok_or_else(|| {
         Failure::Argument("--load: the emulated board did not press a spring".to_owned())
     })?;

@@ -97,10 +97,10 @@ fn on_the_bench(written: &Written) -> Result<OnTheBench<'_>, Failure> {
 
 /// Sets the previous configuration, with its identity last.
 fn put_back(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     commands
         .iter()
-        .try_for_each(|command| link.must(command).map(drop))
+        .try_for_each(|command| link.send_accepted(command).map(drop))
 }
 
 /// Settings and coil data that drive a train.

@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut link = open(&arguments.link)?;
     let settings = configuration::settings(&mut link)?;
     // Resets the correction in force, which would be measured too.
-    link.must(&Command::SetCurrentCorrection(correction_of(&[
+    link.send_accepted(&Command::SetCurrentCorrection(correction_of(&[
         [-1.0, -1.0],
         [1.0, 1.0],
     ])))?;
@@ -141,7 +141,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (-STEPS..=STEPS).map(|step| step_a * f64::from(step)),
         &progress,
     )?;
-    bench.link.must(&Command::Disarm)?;
+    bench.link.send_accepted(&Command::Disarm)?;
     let pairs: Vec<[f64; 2]> = before
         .iter()
         .map(|pair| [pair.reported_a, pair.true_a])
@@ -156,7 +156,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
              sign right, and the amplifier's 0.125 V/A?"
         ))
     })?;
-    bench.link.must(&command)?;
+    bench.link.send_accepted(&command)?;
     progress.say("checking");
     armed(&mut bench.link)?;
     let between = |check: i32| {
@@ -165,7 +165,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let checks = (-CHECKS..=CHECKS).filter(|check| *check != 0).map(between);
     let after = bench.pairs(checks, &progress)?;
-    bench.link.must(&Command::Disarm)?;
+    bench.link.send_accepted(&Command::Disarm)?;
     progress.finish();
     let written = file.write(format!("{}\n", serde_json::to_string(&command)?));
     let found = CurrentCalibration {
@@ -290,7 +290,7 @@ impl CurrentBench<'_> {
                     .to_owned(),
             ));
         }
-        self.link.must(&Command::Abort)?;
+        self.link.send_accepted(&Command::Abort)?;
         let took_s = end_s - begin_s + SETTLE_S;
         self.link.pass(power_w * took_s / CONTINUOUS_W)?;
         Ok(Pair {
@@ -301,7 +301,7 @@ impl CurrentBench<'_> {
     }
 
     fn drive(&mut self, to_a: f64, over_s: f64) -> Result<f64, Failure> {
-        self.link.must(&Command::DriveCoil(DriveCoil {
+        self.link.send_accepted(&Command::DriveCoil(DriveCoil {
             to_a: to_a as f32,
             over_s: over_s as f32,
             trace_interval_s: 0.0,

@@ -90,8 +90,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stepped = step(&mut link, to_a)?;
     link.drive_on(HOLD_S)?;
     let fallen = ramp(&mut link, RAMP_ENDS * to_a)?;
-    link.must(&Command::Abort)?;
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Abort)?;
+    link.send_accepted(&Command::Disarm)?;
     let found = CoilReport {
         simulated: arguments.link.is_emulated(),
         time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
@@ -129,9 +129,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
     let known = arguments.sensor()?;
     let mut link = arguments.open()?;
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     if let Some((_, plant)) = known {
-        link.must(&Command::SetCoil(coil(&plant)))?;
+        link.send_accepted(&Command::SetCoil(coil(&plant)))?;
     }
     Ok(link)
 }
@@ -181,7 +181,7 @@ fn destination(
 }
 
 fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Result<f64, Failure> {
-    link.must(&Command::DriveCoil(DriveCoil {
+    link.send_accepted(&Command::DriveCoil(DriveCoil {
         to_a: to_a as f32,
         over_s,
         trace_interval_s,

@@ -139,7 +139,7 @@ fn is_same(one: &Fault, other: &Fault) -> bool {
 /// is refused because of a fault, or else because the board is disarmed, and does nothing.
 fn does_a_fault_stand(link: &mut Link) -> Result<bool, Failure> {
     // Disarms immediately before, since a program on another link may arm the board.
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     let (_, outcome) = link.ask(&Command::TestCoil)?;
     Ok(outcome == Outcome::Faulted)
 }

@@ -203,7 +203,7 @@ fn start_boot_loader(link: &mut Link) -> Result<(), Failure> {
         );
     }
     let target = RebootTarget::BootLoader;
-    link.must(&Command::Reboot(Reboot { target }))?;
+    link.send_accepted(&Command::Reboot(Reboot { target }))?;
     Ok(())
 }
 

@@ -24,13 +24,13 @@ use crate::commands::calibrate::sensor::{CalibrationFigures, describe, identity,
 use crate::interrupt::Interrupt;
 
 /// A calibration that is not in force yet.
-pub(super) struct Held {
+pub(super) struct UnsavedCalibration {
     calibration: Calibration,
     identity: CalibrationIdentity,
     figures: Box<CalibrationFigures>,
 }
 
-impl Held {
+impl UnsavedCalibration {
     /// Puts the calibration in force and stores it.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ pub(super) fn hold(
     view: &mut View,
     arguments: &Arguments,
     interrupt: &Interrupt,
-) -> Option<Held> {
+) -> Option<UnsavedCalibration> {
     match found(link, view, arguments, interrupt) {
         Ok(held) => {
             view.calibration = Progress::Found {
@@ -100,10 +100,10 @@ fn found(
     view: &mut View,
     arguments: &Arguments,
     interrupt: &Interrupt,
-) -> Result<Held, Failure> {
+) -> Result<UnsavedCalibration, Failure> {
     let (_, plant) = arguments.watched.link.emulated.stack_and_plant()?;
     let task = task(arguments)?;
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     let depth_m = Cell::new(0.0);
     let mut bench = Watched {
         bench: LinkedBench::new(link, &plant, 0.0, interrupt.clone()),
@@ -120,7 +120,7 @@ fn found(
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(None, session.temperature_c);
     let figures = CalibrationFigures::of(&session, &task, &calibration, &identity, true);
-    Ok(Held {
+    Ok(UnsavedCalibration {
         calibration,
         identity,
         figures: Box::new(figures),

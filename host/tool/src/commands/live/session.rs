@@ -9,7 +9,7 @@ use palpate_wire::command::{ClearFault, GetCalibration, Reboot};
 use palpate_wire::{Command, Record};
 
 use super::arguments::Arguments;
-use super::calibration::{self, Held};
+use super::calibration::{self, UnsavedCalibration};
 use super::feed::{Feed, Request};
 use super::state::Progress;
 use super::view::View;
@@ -40,7 +40,7 @@ pub(super) struct LiveSession<'a> {
     /// Boot whose calibration has been read.
     read_of: Option<u32>,
     /// Result of a calibration until it is kept or discarded.
-    held: Option<Held>,
+    held: Option<UnsavedCalibration>,
     is_gone: bool,
     /// Last arrival from the board by the link's clock.
     came: Duration,
@@ -148,7 +148,7 @@ impl<'a> LiveSession<'a> {
     /// Requests the calibration for the line of a train. Its records are processed with the next
     /// frames.
     fn ask_for_calibration(&mut self) -> Result<(), Failure> {
-        self.link.must(&Command::GetSettings)?;
+        self.link.send_accepted(&Command::GetSettings)?;
         self.link.wait_for(RECORD_S, "settings", |record| {
             matches!(record, Record::Settings(_)).then_some(())
         })?;
@@ -202,7 +202,7 @@ impl<'a> LiveSession<'a> {
 
     /// Sends a command and shows its answer.
     fn command(&mut self, command: &Command, done: &str) -> Result<(), Failure> {
-        match self.link.must(command) {
+        match self.link.send_accepted(command) {
             Ok(_) => self.view.answer.accept(done),
             Err(Failure::Refused(reason)) => self.view.answer.refuse(reason),
             Err(other) => return Err(other),

@@ -13,13 +13,13 @@ const RECORD_S: f64 = 5.0;
 /// The baseline restarts when the settings are set; here they keep their values. All later results
 /// follow from recorded data, so a replay can start there.
 pub(super) fn arm(link: &mut Link) -> Result<(), Failure> {
-    link.must(&Command::Disarm)?;
-    link.must(&Command::GetSettings)?;
+    link.send_accepted(&Command::Disarm)?;
+    link.send_accepted(&Command::GetSettings)?;
     let settings = link.wait_for(RECORD_S, "settings", |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
         _ => None,
     })?;
-    link.must(&Command::SetSettings(settings))?;
-    link.must(&Command::Arm)?;
+    link.send_accepted(&Command::SetSettings(settings))?;
+    link.send_accepted(&Command::Arm)?;
     Ok(())
 }

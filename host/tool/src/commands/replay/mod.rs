@@ -11,7 +11,7 @@ use agreement::Agreement;
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
-use palpate_sim::replay::{InForce, Replay};
+use palpate_sim::replay::{ActiveConfiguration, Replay};
 use palpate_wire::{Command, Record, configuration_crc};
 use serde::Serialize;
 
@@ -113,14 +113,14 @@ fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
 
 /// Applies the configuration in a note.
 fn configure(replay: &mut Replay, note: &Note) {
-    if let Some((boot_id, in_force)) = in_force(note) {
-        replay.configure(boot_id, in_force);
+    if let Some((boot_id, active_configuration)) = active_configuration(note) {
+        replay.configure(boot_id, active_configuration);
     }
 }
 
 /// Returns the configuration in force from a boot note; `None` for another note or an incomplete
 /// one.
-fn in_force(note: &Note) -> Option<(u32, InForce)> {
+fn active_configuration(note: &Note) -> Option<(u32, ActiveConfiguration)> {
     if note.name != BOOT {
         return None;
     }
@@ -147,12 +147,12 @@ fn in_force(note: &Note) -> Option<(u32, InForce)> {
         .into_iter()
         .any(|commands| configuration_crc(commands) == storage.in_force_crc);
     is_whole.then_some(())?;
-    let in_force = InForce {
+    let active_configuration = ActiveConfiguration {
         hello,
         settings,
         calibration,
     };
-    Some((boot_id, in_force))
+    Some((boot_id, active_configuration))
 }
 
 fn print(line: &ReplayLine, json: bool) -> Result<(), Failure> {

@@ -4,7 +4,7 @@ use palpate_sim::mechanics::load::Load;
 use palpate_sim::mechanics::press::Profile;
 use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_sim::parameters::draw;
-use palpate_sim::replay::{InForce, Replay};
+use palpate_sim::replay::{ActiveConfiguration, Replay};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
@@ -18,7 +18,7 @@ use super::agreement::Agreement;
 const CALIBRATION: &str = include_str!("../../../tests/fixture/ultrasoft-11.jsonl");
 
 /// Frames of a native board during a measured press, with its configuration in force.
-fn pressed() -> (Vec<Frame<Record>>, InForce) {
+fn pressed() -> (Vec<Frame<Record>>, ActiveConfiguration) {
     let stack = Stack::builtin("ultrasoft").unwrap();
     let plant = draw(&stack, &Disturbances::builtin().unwrap(), 11);
     let setup = Setup {
@@ -53,17 +53,17 @@ fn pressed() -> (Vec<Frame<Record>>, InForce) {
     let Command::SetSettings(settings) = commands.remove(0) else {
         panic!("the settings come first");
     };
-    let in_force = InForce {
+    let active_configuration = ActiveConfiguration {
         hello: hello.unwrap(),
         settings,
         calibration: commands,
     };
-    (frames, in_force)
+    (frames, active_configuration)
 }
 
-fn compared(frames: &[Frame<Record>], in_force: &InForce) -> Agreement {
+fn compared(frames: &[Frame<Record>], active_configuration: &ActiveConfiguration) -> Agreement {
     let mut replay = Replay::default();
-    replay.configure(frames[0].header.boot_id, in_force.clone());
+    replay.configure(frames[0].header.boot_id, active_configuration.clone());
     let mut agreement = Agreement::default();
     for frame in frames {
         agreement.enter(&replay.take(frame));
@@ -74,8 +74,8 @@ fn compared(frames: &[Frame<Record>], in_force: &InForce) -> Agreement {
 
 #[test]
 fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
-    let (frames, in_force) = pressed();
-    let agreement = compared(&frames, &in_force);
+    let (frames, active_configuration) = pressed();
+    let agreement = compared(&frames, &active_configuration);
     assert_eq!(agreement.first_difference(), None);
     let samples = agreement.count("sample");
     assert!(samples.replayed > 2_000, "{samples:?}");
@@ -93,13 +93,13 @@ fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
             changed.push(frame.header.sequence);
         }
     }
-    let agreement = compared(&other, &in_force);
+    let agreement = compared(&other, &active_configuration);
     let first = agreement.first_difference().unwrap();
     assert_eq!(first.sequence, changed[0]);
     assert_eq!(first.field, "channels.0.deformation_m");
     assert_eq!(agreement.count("estimate").identical, 0);
 
-    let mut other = in_force.clone();
+    let mut other = active_configuration.clone();
     for command in &mut other.calibration {
         if let Command::SetSprings(springs) = command {
             springs.sensing_n_per_m = f32::from_bits(springs.sensing_n_per_m.to_bits() + 1);
@@ -112,7 +112,7 @@ fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
     // Without one sample the replay waits for the next possible start and reports no difference.
     let mut fewer = frames.clone();
     fewer.remove(end - 300);
-    let agreement = compared(&fewer, &in_force);
+    let agreement = compared(&fewer, &active_configuration);
     assert_eq!(agreement.first_difference(), None);
     assert_eq!(agreement.count("estimate").passed_over, 1);
 }

@@ -102,9 +102,9 @@ fn read(file: &Path) -> Result<Vec<Command>, Failure> {
 }
 
 fn put_in_force(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     for command in commands {
-        link.must(command)?;
+        link.send_accepted(command)?;
     }
     let in_force_crc = storage::inspect(link)?.in_force_crc;
     if in_force_crc == configuration_crc(commands) {

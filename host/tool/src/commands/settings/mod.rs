@@ -206,8 +206,8 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
     let before = configuration::settings(&mut link)?;
     let after = change::changed(&before, &arguments.assignments)?;
-    link.must(&Command::Disarm)?;
-    let done = link.must(&Command::SetSettings(after.clone()));
+    link.send_accepted(&Command::Disarm)?;
+    let done = link.send_accepted(&Command::SetSettings(after.clone()));
     done.map_err(|failure| with_names(failure, &arguments.assignments))?;
     let storage = storage::store_if(arguments.store, &mut link)?;
     let mut out = io::stdout().lock();
@@ -253,7 +253,7 @@ fn with_names(failure: Failure, assignments: &[Assignment]) -> Failure {
 
 fn store(arguments: &Store) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     let storage = storage::store(&mut link)?;
     print(&storage, arguments.json)
 }
@@ -270,7 +270,7 @@ fn erase(arguments: &Erase) -> Result<(), Failure> {
     if !arguments.yes && !is_confirmed(&question)? {
         return Err(Failure::Refused("nothing was erased".to_owned()));
     }
-    link.must(&Command::Disarm)?;
+    link.send_accepted(&Command::Disarm)?;
     let storage = storage::erase(&mut link)?;
     print(&storage, arguments.json)
 }

@@ -79,8 +79,8 @@ struct TipLine {
 pub(super) fn run(arguments: &TipArguments) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
     if let Some(tip) = arguments.tip() {
-        link.must(&Command::Disarm)?;
-        link.must(&Command::SetTip(tip))?;
+        link.send_accepted(&Command::Disarm)?;
+        link.send_accepted(&Command::SetTip(tip))?;
     }
     let tip = in_force(&mut link)?;
     let storage = storage::store_if(arguments.store, &mut link)?;

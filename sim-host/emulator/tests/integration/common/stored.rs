@@ -462,11 +462,11 @@ impl ThirdSave {
     pub(crate) fn cut_again(
         &self,
         recovered: &RecordedBoard,
-        in_force: Which,
+        active_configuration: Which,
         operation: u64,
     ) -> Option<(Which, FoundAtStart)> {
         let mut bench = recovered.clone();
-        bench.set(match in_force {
+        bench.set(match active_configuration {
             Which::New => &self.old,
             Which::Old | Which::Neither => &self.new,
         });

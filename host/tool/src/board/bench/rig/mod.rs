@@ -263,9 +263,9 @@ impl<'l> RigBench<'l> {
     fn begin(&mut self) -> Result<(), Failure> {
         self.link.greet()?;
         // Without a restart the board is still armed from the previous run.
-        self.link.must(&Command::Disarm)?;
+        self.link.send_accepted(&Command::Disarm)?;
         self.link
-            .must(&Command::SetSettings(self.plan.settings.clone()))?;
+            .send_accepted(&Command::SetSettings(self.plan.settings.clone()))?;
         self.link.take();
         self.arrivals.clear();
         self.force_track.clear();

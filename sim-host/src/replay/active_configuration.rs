@@ -6,7 +6,7 @@ use palpate_wire::record::Hello;
 
 /// Settings, calibration and identity of a board.
 #[derive(Clone, Debug)]
-pub struct InForce {
+pub struct ActiveConfiguration {
     /// Identity that the board reports.
     pub hello: Hello,
     /// The settings.
