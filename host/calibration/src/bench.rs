@@ -129,7 +129,7 @@ impl fmt::Display for BrokenOff {
 
 impl std::error::Error for BrokenOff {}
 
-/// Settings that the user chooses beforehand.
+/// Settings that the user chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
     /// Settings of the instrument, including the train that it will measure with.
