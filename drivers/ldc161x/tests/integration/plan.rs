@@ -387,3 +387,13 @@ fn a_conversion_holds_six_periods_of_a_slow_sensor() {
         "{refusal}"
     );
 }
+
+/// At 20 MHz the longest conversion takes 52 ms, less than a frame at 10 Hz, more than at 20 Hz.
+#[test]
+fn at_a_slow_rate_a_conversion_is_as_long_as_the_counter_allows() {
+    for (rate, longest) in [(1, true), (10, true), (20, false)] {
+        let plan = single(40_000_000).rate(Rate::PerSecond(rate)).plan();
+        let rcount = plan.unwrap().configuration.channel(Channel::Zero).rcount;
+        assert_eq!(rcount == Rcount::MAX, longest, "{rate}: {rcount:?}");
+    }
+}

@@ -9,9 +9,9 @@ use embedded_hal_mock::eh1::{
     i2c::Transaction,
 };
 use ldc161x::{
-    Acquisition, Address, BusAccess, Channel, ChannelSettings, ClockDividers, Configuration,
-    Deglitch, DriveCode, Error, ErrorConfig, InterruptRelease, Ldc161x, Model, Noise, Quality,
-    Rcount, ReferenceClock, Register, Sequence, SettleCount,
+    Acquisition, Address, BusAccess, Channel, ChannelSettings, ClockDividers, Config,
+    Configuration, Deglitch, DriveCode, Error, ErrorConfig, InterruptRelease, Ldc161x, Model,
+    MuxConfig, Noise, Quality, Rcount, ReferenceClock, Register, Sequence, SettleCount,
 };
 
 /// Settings that differ between channels and from every reset value.
@@ -109,6 +109,24 @@ fn settings(channels: &[u8], mux: u16) -> Vec<(u8, u16)> {
         .collect();
     list.extend([(ERROR_CONFIG, 0xF801), (MUX_CONFIG, mux)]);
     list
+}
+
+/// Number of words that a register accepts, and of those that it writes as they were read.
+fn accepted<T>(from_bits: fn(u16) -> Option<T>, to_bits: fn(T) -> u16) -> [usize; 2] {
+    let read = |word| from_bits(word).map(|settings| to_bits(settings) == word);
+    let same: Vec<bool> = (0..=u16::MAX).filter_map(read).collect();
+    [same.len(), same.iter().filter(|same| **same).count()]
+}
+
+#[test]
+fn every_accepted_word_is_written_as_it_was_read() {
+    let config = accepted(Config::from_bits, Config::to_bits);
+    assert_eq!(config, [1 << 9, 1 << 9], "nine bits are free");
+    let errors = accepted(ErrorConfig::from_bits, ErrorConfig::to_bits);
+    assert_eq!(errors, [1 << 12, 1 << 12], "twelve bits are free");
+    // Three bits of autoscan have four meanings, each written in one way; four filters are known.
+    let mux = accepted(MuxConfig::from_bits, MuxConfig::to_bits);
+    assert_eq!(mux, [8 * 4, 4 * 4]);
 }
 
 #[test]
@@ -223,6 +241,7 @@ fn every_error_flag_travels_with_its_word() {
         let frame = chip.read_frame().unwrap();
         let reading = frame.of(Channel::Zero).unwrap();
         assert_eq!(reading.quality(), quality, "{msb:#06x}");
+        assert_eq!(reading.word.flags().any(), msb >> 12 != 0, "{msb:#06x}");
         assert_eq!(
             reading.word.code().get(),
             u32::from(msb & 0x0FFF) << 16 | 0x9E8B
