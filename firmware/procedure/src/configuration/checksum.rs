@@ -99,6 +99,15 @@ pub(crate) mod tests {
         current_uncertainty: 0.0,
     };
 
+    fn tank(channel: u8) -> Command {
+        Command::SetTank(Tank {
+            sensor: 0,
+            channel,
+            capacitance_f: 1e-9,
+            rest_frequency_hz: 3e6,
+        })
+    }
+
     fn curve(first: u8) -> Command {
         let knot = |index: u8| DeformationKnot {
             inductance_change: f32::from(index),
@@ -133,8 +142,8 @@ pub(crate) mod tests {
         *value = f32::from_bits(value.to_bits() ^ 1);
     }
 
-    /// Commands for one part, the kind of its record, and bit errors in it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 13] {
+    /// Commands for one item, the kind of its record, and bit errors in it.
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 14] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
@@ -146,17 +155,17 @@ pub(crate) mod tests {
                 ],
             ),
             (
-                vec![Command::SetTank(Tank {
-                    sensor: 0,
-                    channel: 3,
-                    capacitance_f: 1e-9,
-                    rest_frequency_hz: 3e6,
-                })],
+                vec![tank(3)],
                 0x11,
                 vec![
                     |of| invert(&mut of.channels[0][3].tank.as_mut().unwrap().capacitance_f),
                     |of| of.channels[0][3].tank = None,
                 ],
+            ),
+            (
+                vec![tank(2)],
+                0x11,
+                vec![|of| of.channels[0][2].tank = None],
             ),
             (
                 vec![curve(0), curve(2)],
@@ -281,14 +290,15 @@ pub(crate) mod tests {
             set(&mut sound, &board, &commands);
             assert_eq!(sound.any_damaged(), None, "{commands:?}");
         }
-        for (commands, kind, upsets) in parts() {
+        for (number, (commands, kind, upsets)) in parts().into_iter().enumerate() {
             for upset in upsets {
                 let mut configuration = sound.clone();
                 upset(&mut configuration);
                 assert_eq!(configuration.any_damaged(), Some(kind));
-                // Setting any other part does not hide the error.
-                for (others, other_kind, _) in parts() {
-                    if other_kind != kind {
+                // Setting any other part, or the same part of another channel, does not hide the
+                // error.
+                for (other, (others, ..)) in parts().into_iter().enumerate() {
+                    if other != number {
                         set(&mut configuration, &board, &others);
                     }
                 }

@@ -170,6 +170,33 @@ fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
     }
 }
 
+/// A fall starts a whole number of conversions ahead, at least 1.5 ms. Their interval is measured, but
+/// not across a lost conversion; until it is measured, it is that of the set rate.
+#[test]
+fn a_fall_is_planned_by_the_measured_interval_of_the_conversions() {
+    let cases: [(f32, &[u64], u64); 2] = [
+        (2_000.0, &[600, 600, 600, 1_200], 3 * 600),
+        (1_000.0, &[2_000], 2 * 1_000),
+    ];
+    for (rate_hz, intervals_us, ahead_us) in cases {
+        let mut rig = Rig::touched(|of| of.rate_hz = rate_hz);
+        rig.accepted(Command::Measure);
+        let mut falls = 0;
+        for interval_us in intervals_us.iter().cycle().take(2_000) {
+            rig.now_us += interval_us - rig.period_us();
+            for action in rig.convert() {
+                if let Action::Current(line) = action
+                    && micros(line.over_s) == 60_000
+                {
+                    falls += 1;
+                    assert_eq!(line.start_us - rig.now_us, ahead_us - 20, "{rate_hz} Hz");
+                }
+            }
+        }
+        assert_eq!(falls, 12, "{rate_hz} Hz");
+    }
+}
+
 #[test]
 fn self_test_wants_ten_good_conversions_in_a_row() {
     let mut rig = Rig::started();
