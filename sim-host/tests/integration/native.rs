@@ -293,6 +293,15 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
                 .all(|(_, fault)| fault.location == Location::SecondSensor),
             "{way:?}: {faults:?}"
         );
+        // The failed transfers are counted, and so are the more numerous attempts to recover.
+        if matches!(way, ChipFault::Absent | ChipFault::Nack { .. }) {
+            let counts = after.iter().rev().find_map(|(_, record)| match record {
+                Record::Status(status) => Some((status.bus_errors, status.recoveries)),
+                _ => None,
+            });
+            let (errors, recoveries) = counts.expect("a status");
+            assert!(errors > 0 && recoveries > errors, "{way:?}: {counts:?}");
+        }
         // The fault lasts until its cause ends, at 800 ms; a dip of the supply is over at once.
         if !matches!(way, ChipFault::BrownOut(_)) {
             let ended_us: Vec<u64> = faults
