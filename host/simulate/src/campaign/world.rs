@@ -4,6 +4,7 @@ use clap::ValueEnum;
 use palpate_calibration::ContactEffect;
 use palpate_sim::mechanics::contact::Contact;
 use palpate_sim::mechanics::friction::FrictionParameters;
+use palpate_sim::mechanics::layer::CreepMode;
 use palpate_sim::mechanics::press::{Jumps, Shake};
 use palpate_sim::parameters::{ObjectParameters, Parameters};
 use palpate_sim::random::Stream;
@@ -64,6 +65,10 @@ pub enum World {
     /// The stand shakes by 3 µm at 20 Hz, twice in a ramp
     #[value(name = "vibration-20-hz")]
     VibrationTwice,
+    /// The stand hums by 0.5 µm at 49.7 Hz, nearly five times in a ramp
+    Hum,
+    /// Both layers are up to 3 % stiffer in the first 20 ms of a movement
+    RateHardening,
     /// What the load stands on gives way by 20 N/mm
     SoftFrame,
     /// Held in a hand that trembles
@@ -100,6 +105,14 @@ const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
 /// Amplitude of a shaking stand, m. At this amplitude an interval missed the truth.
 const SHAKEN_M: f64 = 3e-6;
+/// Amplitude of a stand that hums, m: what a small fan or a transformer on the same bench makes.
+const HUM_M: f64 = 0.5e-6;
+/// Hardening with the rate, as a creep that is over within a ramp. It takes the place of the
+/// layers' fastest creep.
+const RATE_HARDENING: CreepMode = CreepMode {
+    amplitude: 0.03,
+    tau_s: 0.02,
+};
 
 /// A face of nickel-zinc ferrite, which hardly conducts, with μ = 100. Its reflection is (μ − 1)/(μ + 1).
 ///
@@ -189,9 +202,14 @@ impl World {
             Self::CurrentGain => p.current.gain_error -= 0.02,
             Self::Warmer15K => p.thermal.ambient_change_k = 15.0,
             Self::Warmer30K => p.thermal.ambient_change_k = 30.0,
-            Self::VibrationNear => p.press.vibration = shaking(9.5),
-            Self::VibrationInStep => p.press.vibration = shaking(10.0),
-            Self::VibrationTwice => p.press.vibration = shaking(20.0),
+            Self::VibrationNear => p.press.vibration = shaking(SHAKEN_M, 9.5),
+            Self::VibrationInStep => p.press.vibration = shaking(SHAKEN_M, 10.0),
+            Self::VibrationTwice => p.press.vibration = shaking(SHAKEN_M, 20.0),
+            Self::Hum => p.press.vibration = shaking(HUM_M, 49.7),
+            Self::RateHardening => {
+                let [sensing, actuated] = [&mut p.sensing.creep, &mut p.actuated.creep];
+                [sensing[0], actuated[0]] = [RATE_HARDENING; 2];
+            }
             Self::SoftFrame => p.press.frame_m_per_n = 1.0 / 20e3,
             Self::FerromagneticObject => p.object = FERRITE,
             Self::SteelObject => p.object = STEEL,
@@ -266,9 +284,9 @@ impl World {
     }
 }
 
-const fn shaking(hertz: f64) -> Shake {
+const fn shaking(amplitude_m: f64, hertz: f64) -> Shake {
     Shake {
-        amplitude_m: SHAKEN_M,
+        amplitude_m,
         hertz,
         phase: 0.0,
     }
