@@ -108,6 +108,8 @@ fn now_us() -> u32 {
 /// - A request is refused, instead of left waiting, if its data may have gone to the buffer of the
 ///   previous transfer, which the host abandoned.
 /// - Packets start with DATA0 again where USB requires it.
+/// - The control word of a buffer that stays available is not written: that could undo a change by the
+///   controller.
 /// - A setup packet that arrives while the previous one is copied is not lost, and an answer to the
 ///   previous one is not sent after it.
 /// - A new address takes effect only when its request has completed.
@@ -283,8 +285,9 @@ impl Bus {
         control.has_data_before = has_data(OUT_0) || was_armed && (has_come || has_dropped);
     }
 
-    /// Makes the next packet of an endpoint DATA0. A packet that waits for the host stays available.
-    fn begin_with_data0(&self, word: usize) {
+    /// Makes the next packet of an endpoint DATA0, and stalls the endpoint or ends its stall. A packet
+    /// that waits for the host stays available.
+    fn begin_with_data0(&self, word: usize, stalled: bool) {
         // SAFETY: only the interrupt of USB writes the words of the buffers.
         let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
         let control = memory.ep_buffer_control(word);
@@ -292,7 +295,7 @@ impl Bus {
         disarm(word);
         // For a buffer that is not armed the opposite PID is set, since the driver inverts the bit when
         // it arms the buffer.
-        control.modify(|_, w| w.pid_0().bit(!was_armed));
+        control.modify(|_, w| w.pid_0().bit(!was_armed).stall().bit(stalled));
         if was_armed {
             cortex_m::asm::delay(SETTLING);
             let make_available = || control.modify(|_, w| w.available_0().set_bit());
@@ -330,8 +333,8 @@ impl Bus {
         }
         if [SET_CONFIGURATION, SET_INTERFACE].contains(&control.request()) {
             (1..16).for_each(|index| {
-                self.begin_with_data0(2 * index);
-                self.begin_with_data0(2 * index + 1);
+                self.begin_with_data0(2 * index, false);
+                self.begin_with_data0(2 * index + 1, false);
             });
         }
     }
@@ -598,18 +601,18 @@ impl UsbBusTrait for Bus {
     }
 
     fn set_stalled(&self, address: EndpointAddress, stalled: bool) {
-        if address.index() == 0 && stalled {
+        if address.index() != 0 {
+            self.begin_with_data0(word(address.index(), address.is_in()), stalled);
+        } else if stalled {
             refuse_control();
             self.set_control(Control {
                 is_waiting: false,
                 ..self.control()
             });
-            return;
         }
-        self.hal.set_stalled(address, stalled);
-        if address.index() != 0 && !stalled {
-            self.begin_with_data0(word(address.index(), address.is_in()));
-        }
+        // Only a setup packet ends a refusal of endpoint 0. `usb-device` asks for its end while the
+        // buffer is available: clearing the bit STALL would then undo what the controller writes
+        // between read and write, and the interrupt of a packet that came would repeat endlessly.
     }
 
     fn is_stalled(&self, address: EndpointAddress) -> bool {

@@ -554,6 +554,13 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.usb.answered_before()
     }
 
+    /// Number of writes of the firmware to the control word of a USB buffer that stayed available:
+    /// such a write undoes what the controller changes between the processor's read and its write.
+    #[must_use]
+    pub const fn usb_rewritten(&self) -> u32 {
+        self.bus.usb.rewritten()
+    }
+
     /// Levels at the bridge's pins.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {

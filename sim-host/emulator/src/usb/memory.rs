@@ -50,6 +50,8 @@ struct Half {
 pub(crate) struct PacketMemory {
     bytes: [u8; SIZE],
     halves: [Half; ENDPOINTS],
+    /// Number of writes by the processor to the control word of a buffer that stayed available.
+    rewritten: u32,
 }
 
 impl PacketMemory {
@@ -63,7 +65,15 @@ impl PacketMemory {
         Self {
             bytes: [0; SIZE],
             halves: [half; ENDPOINTS],
+            rewritten: 0,
         }
+    }
+
+    /// Number of writes by the processor to the control word of a buffer that stayed available. The
+    /// controller may take the buffer between the processor's read and its write, which then undoes
+    /// the controller's change (4.1.2.5.1).
+    pub(crate) const fn rewritten(&self) -> u32 {
+        self.rewritten
     }
 
     /// Word at an offset; `None` outside.
@@ -79,6 +89,12 @@ impl PacketMemory {
         let halves = (place.start & !1..place.end).step_by(2);
         let before: Vec<_> = halves.clone().map(|at| self.half_word(at)).collect();
         self.bytes.get_mut(place)?.copy_from_slice(value);
+        let stays_available = |(at, before): (usize, &u16)| {
+            let both = before & self.half_word(at);
+            endpoint_of(at).is_some() && both & buffer::AVAILABLE != 0
+        };
+        let pairs = halves.clone().zip(&before);
+        self.rewritten += pairs.filter(|pair| stays_available(*pair)).count() as u32;
         if old != value {
             for (at, before) in halves.zip(before) {
                 self.show(at, before, now_ps);

@@ -60,6 +60,11 @@ impl Usb {
         self.controller.answered_before()
     }
 
+    /// Number of writes to the control word of a buffer that stayed available.
+    pub(crate) const fn rewritten(&self) -> u32 {
+        self.controller.memory.rewritten()
+    }
+
     pub(crate) fn next_event(&self) -> Option<u64> {
         let events = [self.controller.next_event(), self.host.next_event()];
         events.into_iter().flatten().min()

@@ -46,6 +46,7 @@ fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
     assert_eq!(found.levels.late, 0);
     assert!(found.levels.longest_gap < Time::from_us(24));
     assert!(found.edge_to_start <= LATENCY, "{}", found.edge_to_start);
+    assert_eq!(bench.probe.board.usb_rewritten(), 0);
     assert_eq!(bench.probe.board.resets().watchdog, 0);
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
 }
