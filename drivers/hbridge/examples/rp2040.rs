@@ -8,8 +8,8 @@
 //! The interrupt handler waits for the middle of the PWM period, which keeps the program short but
 //! takes half of the processor's time; a converter paced by DMA leaves that time free.
 //!
-//! On any other target the program only prints which target it needs: the tests build all examples,
-//! on a PC too.
+//! On any other target the program only prints which target it needs, because the tests build all
+//! examples for the PC as well.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -82,7 +82,7 @@ fn main() -> Result<(), Refusal> {
         .repeat(2)
         .into_iter();
     for time_ms in 1..=32_u64 {
-        // The next line starts when the last one has ended.
+        // The next line starts when the previous one has ended.
         if drive.report().holds || time_ms == 1 {
             let (to_a, over_s) = lines.next().unwrap_or((0.0, 2e-3));
             let line = CurrentLine::at_once(to_a, over_s);

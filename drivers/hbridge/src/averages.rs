@@ -43,15 +43,16 @@ impl From<u32> for Moment {
 /// Running sums of the measured current over the last `N` blocks: written by the control interrupt,
 /// read by any task without a lock.
 ///
-/// Times are numbers of PWM periods since the start, which wrap.
+/// Times are numbers of PWM periods since the start, which wrap. Currents are in units of half a
+/// count of the converter, as `Hardware::ampere_per_unit` says.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Averages<const N: usize> {
     /// Number of PWM periods so far; wraps.
     periods: AtomicU32,
-    /// Sum of the currents of all periods so far, in units; wraps. Written by the interrupt alone.
+    /// Sum of the currents of all periods so far; wraps. Only the interrupt writes it.
     total: AtomicI32,
-    /// Sum of the currents of all periods up to the end of each block, in units; wraps.
+    /// Sum of the currents of all periods up to the end of each block; wraps.
     sums: [AtomicI32; N],
 }
 

@@ -18,8 +18,8 @@ const STEPS: u8 = 24;
 /// ```
 /// use coil_hbridge::{Account, EnergyDemand, Load};
 /// let mut account = Account::with(60.0, 3.5);
-/// account.pass(50.0, 0.5); // 55 J less nothing: there was nothing to give off before
-/// // Half an ohm, from 0 to 10 A and back within 1.2 s: 22 J, of which 4 are given off meanwhile.
+/// account.pass(50.0, 0.5); // 1.1 times 50 J are 55 J. An empty account gives nothing off.
+/// // Half an ohm, from 0 to 10 A and back within 1.2 s, takes 22 J and gives off 4 J meanwhile.
 /// let mut demand = EnergyDemand::new(&account, Load { resistance_ohm: 0.5, lost_v: 0.0 });
 /// demand.line(10.0, 0.6);
 /// demand.line(0.0, 0.6);
@@ -59,8 +59,8 @@ pub struct EnergyDemand {
     gain_j: f32,
     most_j: f32,
     least_j: f32,
-    /// Greatest rise of the account from a minimum to a later maximum: the peak if the account
-    /// starts empty.
+    /// Greatest rise of the account from a minimum to a later maximum: the highest value of an
+    /// account that starts empty.
     rise_j: f32,
 }
 

@@ -11,9 +11,9 @@ use palpate_wire::{
     Command, Frame, MAX_HEADER, MINOR_VERSION, Message, Record, SCHEMA_HASH, VERSION, frame_size,
 };
 
-/// Any change of the layout changes the hash. When this test fails, raise the version as the
-/// documentation of `VERSION` and `MINOR_VERSION` says, enter the new hash, and regenerate the fixture. With
-/// a new major version, first rename the fixture's files and change the typical messages in its listings.
+/// Any change of the layout changes the hash. When this test fails, raise the version as the documentation
+/// of `VERSION` and `MINOR_VERSION` says, enter the new hash here, and regenerate the fixture. If the major
+/// version is new, first rename the fixture's files, and adapt the typical messages in its `.jsonl` files.
 #[test]
 fn the_layout_belongs_to_its_version() {
     let known = [

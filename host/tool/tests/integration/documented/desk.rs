@@ -95,8 +95,8 @@ impl Start {
         }
     }
 
-    /// Creates the same files with the firmware's image, a calibrated board, and recordings of a
-    /// press.
+    /// Creates the files of [`Self::without_board`], and adds the firmware's image, the settings of
+    /// a calibrated board, and recordings of a press.
     pub(super) fn with_board() -> Self {
         let start = Self::without_board();
         let mut desk = start.desk(&[]);
@@ -200,7 +200,7 @@ impl Desk<'_> {
             .ok_or_else(|| format!("{status}: {}", last.join("\n")))
     }
 
-    /// Builds the shell of a command, with its own home.
+    /// Builds the shell that runs a command. Its `HOME` is the desk's folder.
     fn shell(&self, text: &str, said: &Path) -> Command {
         let variable = |name| std::env::var_os(name);
         let home = PathBuf::from(variable("HOME").unwrap_or_default());

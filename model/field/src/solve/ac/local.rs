@@ -164,7 +164,7 @@ fn add_magnetic(
     }
 }
 
-/// Adds scale · eᵢ eⱼ to the lower half of a matrix.
+/// Adds scale · fᵢ fⱼ to the lower half of a matrix, where f are the `factors`.
 fn add_products(matrix: &mut [Complex64], scale: Complex64, factors: &[f64]) {
     let mut entries = matrix.iter_mut();
     for (row, a) in factors.iter().enumerate() {

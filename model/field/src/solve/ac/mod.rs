@@ -1,9 +1,9 @@
 //! Alternating fields: eddy currents and lossy permeability at one frequency.
 //!
 //! Fields are phasors, proportional to e^(iωt), without displacement currents. Materials are
-//! linearised about a constant field by their differential reluctivity. Rings of one turn are solid
-//! copper, in which the current crowds; parts with a conductivity carry induced currents in
-//! circles.
+//! linearised about a constant field by their differential reluctivity. A ring of one turn is solid
+//! copper: its current is not evenly distributed. Parts with a conductivity carry induced currents,
+//! which flow in circles about the axis.
 
 mod local;
 mod region;
@@ -35,7 +35,7 @@ pub struct AcCoil {
     pub inductance_h: f64,
     /// Series resistance, Ω.
     pub resistance_ohm: f64,
-    /// Estimated absolute errors of the inductance, H, the resistance, Ω, and `dc_inductance_h`.
+    /// Estimated absolute errors of `inductance_h`, `resistance_ohm` and `dc_inductance_h`.
     pub errors: [f64; 3],
     /// Contribution of currents that may be thinner than the mesh to the three values of `errors`,
     /// H and Ω.

@@ -250,8 +250,8 @@ pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Sh
                 };
                 let drift_hz = if sensor == 0 { DRIFT_HZ_PER_S } else { 0.0 };
                 let off_hz = it.frequency_hz - sensors_hz[usize::from(it.channel)];
-                // The tolerance includes the sensors' drift during a bench's run; a wrong clock is
-                // off by more.
+                // The tolerance includes 1 s of drift, more than during a bench's run. At the second
+                // converter, without drift, a wrong clock is off by more than 5 kHz.
                 (-5e3..=5e3 + drift_hz).contains(&off_hz)
             };
             // The scan plan is exact to a thousandth of the period.
