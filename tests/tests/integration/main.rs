@@ -1,5 +1,6 @@
 //! External tests of `system-tests`: one program, with one module per area.
 
+mod carrier;
 mod chip;
 mod coil_guards;
 mod copies;
