@@ -25,5 +25,6 @@ pub mod ramp;
 pub mod springs;
 pub mod tank;
 pub mod thermal;
+pub mod touch;
 pub mod uncertainty;
 pub mod units;

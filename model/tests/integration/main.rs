@@ -16,4 +16,5 @@ mod ramp_precision;
 mod ramp_refusals;
 mod ramp_statistics;
 mod thermal;
+mod touch;
 mod uncertainty;

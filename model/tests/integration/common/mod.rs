@@ -9,3 +9,4 @@ pub mod pipeline;
 pub mod plant;
 pub mod reference;
 pub mod rng;
+pub mod touch_world;

@@ -1,0 +1,39 @@
+//! Place, force and contact radius of a press, from several sensing coils under one elastic layer.
+//!
+//! A press at the place x with the force F and the contact radius a changes the inductance of coil
+//! i by
+//!
+//! dL_i = g_i f(F Phi(|x - x_i|, a)).
+//!
+//! All coils have one radial profile Phi ([`Profile`]), a gain g_i and a place x_i. a is the radius
+//! of the round contact with Hertz's pressure that has the press's second moment: a flat pin counts
+//! with sqrt(5/3) of its radius.
+//!
+//! [`Array::estimate`] fits x, y, ln F and ln a to the readings of one scan, with the information
+//! that is known beforehand of a ([`Indenter`]), and gives a [`Verdict`]: a [`Press`] with its
+//! covariance, or why there is none.
+//!
+//! **Uncertainty.** The covariance is the inverse of the information of readings and indenter. The
+//! error of a reading is its noise, and the calibration's uncertainty in a reduced form of five
+//! numbers: what differs from coil to coil ([`ReadingError`]), and what is common to all coils and
+//! is therefore added to the result ([`CommonError`]). The covariance of the coefficients itself
+//! stays on the PC.
+//!
+//! **Limits.** With four coils there are as many readings as unknowns: a second contact, an edge or
+//! a tilted face is not noticed. Five and more readings that the press reaches are compared with
+//! the fit by chi-square.
+
+mod array;
+mod estimate;
+mod matrix;
+mod misfit;
+mod profile;
+mod region;
+mod start;
+mod verdict;
+
+pub use array::{Array, ArrayError, Coil, CommonError, MOST_COILS, ReadingError};
+pub use estimate::Indenter;
+pub use profile::{BASE, BY_RADIUS, Coefficients, Profile};
+pub use region::Region;
+pub use verdict::{Ellipse, Press, Verdict};
