@@ -7,6 +7,10 @@ use palpate_model::magnetorheological::{Saturating, Stiffening};
 use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Term};
 use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Second};
 
+#[path = "../tests/integration/common/pipeline.rs"]
+#[allow(dead_code, unreachable_pub)]
+mod pipeline;
+
 fn main() {
     divan::main();
 }
@@ -120,5 +124,27 @@ mod one_reading {
     fn contact(bencher: Bencher<'_, '_>) {
         let mut detector = Detector::new(Watch::new(Metre(1e-8))).unwrap();
         bencher.bench_local(|| detector.push(Second(1e-3), black_box(Metre(1e-9))));
+    }
+}
+
+/// A scan of seven coils.
+mod touch {
+    use palpate_model::touch::Indenter;
+
+    use super::*;
+
+    #[divan::bench]
+    fn without_a_press_before(bencher: Bencher<'_, '_>) {
+        let array = pipeline::array(1.0).unwrap();
+        bencher
+            .bench_local(|| array.estimate(black_box(&pipeline::READ), &Indenter::Unknown, None));
+    }
+
+    #[divan::bench]
+    fn with_the_press_before(bencher: Bencher<'_, '_>) {
+        let array = pipeline::array(1.0).unwrap();
+        let estimate = |last| array.estimate(black_box(&pipeline::READ), &Indenter::Unknown, last);
+        let last = *estimate(None).claimed().unwrap();
+        bencher.bench_local(|| estimate(Some(&last)));
     }
 }

@@ -28,7 +28,7 @@ mod image {
 
     use crate::pipeline;
 
-    static BITS: [AtomicU32; 26] = [const { AtomicU32::new(0) }; 26];
+    static BITS: [AtomicU32; 34] = [const { AtomicU32::new(0) }; 34];
     static RUNS: AtomicU32 = AtomicU32::new(0);
 
     #[entry]

@@ -37,19 +37,16 @@ pub(super) struct Prior {
 
 impl Prior {
     /// `None` if a number is not finite, or the uncertainty is not above zero.
-    fn new(indenter: &Indenter, [least, greatest]: [Metre; 2]) -> Option<Self> {
+    fn new(indenter: &Indenter, [low, high]: [f32; 2]) -> Option<Self> {
         /// Standard deviation of a uniform distribution over its width.
         const UNIFORM: f32 = 0.288_675;
         let prior = match *indenter {
-            Indenter::Unknown => {
-                let [low, high] = [ln(least.0), ln(greatest.0)];
-                Self {
-                    ln_radius: 0.5 * (low + high),
-                    exponent: 0.0,
-                    sigma: UNIFORM * (high - low),
-                    is_declared: false,
-                }
-            }
+            Indenter::Unknown => Self {
+                ln_radius: 0.5 * (low + high),
+                exponent: 0.0,
+                sigma: UNIFORM * (high - low),
+                is_declared: false,
+            },
             Indenter::Declared {
                 at_one_newton,
                 exponent,
@@ -69,11 +66,11 @@ impl Prior {
     }
 }
 
-/// Readings of a scan with their standard errors.
+/// Readings of a scan.
 pub(super) struct Scan {
-    readings: [f32; MOST_COILS],
     straight: [f32; MOST_COILS],
-    sigmas: [f32; MOST_COILS],
+    weights: [f32; MOST_COILS],
+    targets: [f32; MOST_COILS],
     count: usize,
 }
 
@@ -84,24 +81,24 @@ impl Scan {
         if given.len() != coils.len() || !given.iter().all(|reading| reading.is_finite()) {
             return None;
         }
-        let largest = given
-            .iter()
-            .fold(0.0, |largest, reading| reading.abs().max(largest));
+        let largest = given.iter().fold(0.0_f32, |most, of| most.max(of.abs()));
         let error = array.reading_error;
         let of_largest = error.of_largest * largest;
         let mut scan = Self {
-            readings: [0.0; MOST_COILS],
             straight: [0.0; MOST_COILS],
-            sigmas: [1.0; MOST_COILS],
+            weights: [0.0; MOST_COILS],
+            targets: [0.0; MOST_COILS],
             count: coils.len(),
         };
-        let own = scan.readings.iter_mut().zip(&mut scan.straight);
-        let own = own.zip(&mut scan.sigmas);
-        for (((reading, straight), sigma), (coil, &given)) in own.zip(coils.iter().zip(given)) {
-            *reading = given;
-            *straight = array.profile.straight(given / coil.gain);
+        let own = scan.straight.iter_mut().zip(&mut scan.weights);
+        let own = own.zip(&mut scan.targets);
+        for (((straight, weight), target), (coil, &given)) in own.zip(coils.iter().zip(given)) {
             let relative = error.relative * given;
-            *sigma = sqrt(coil.noise * coil.noise + relative * relative + of_largest * of_largest);
+            let square = coil.noise * coil.noise + relative * relative + of_largest * of_largest;
+            let per_sigma = 1.0 / sqrt(square);
+            *straight = array.profile.straight(given / coil.gain);
+            *weight = coil.gain * per_sigma;
+            *target = given * per_sigma;
         }
         Some(scan)
     }
@@ -111,12 +108,14 @@ impl Scan {
         self.straight.get(..self.count).unwrap_or(&self.straight)
     }
 
-    pub(super) fn sigmas(&self) -> &[f32] {
-        self.sigmas.get(..self.count).unwrap_or(&self.sigmas)
+    /// For each coil, the gain over the standard error of the reading.
+    pub(super) fn weights(&self) -> &[f32] {
+        self.weights.get(..self.count).unwrap_or(&self.weights)
     }
 
-    fn readings(&self) -> &[f32] {
-        self.readings.get(..self.count).unwrap_or(&self.readings)
+    /// For each coil, the reading over its standard error.
+    fn targets(&self) -> &[f32] {
+        self.targets.get(..self.count).unwrap_or(&self.targets)
     }
 }
 
@@ -129,6 +128,7 @@ struct Normal {
     chi_square: f32,
     /// Part of the indenter in it.
     of_indenter: f32,
+    /// Lower triangle.
     information: Matrix,
     gradient: Vector,
     informative: u8,
@@ -159,7 +159,7 @@ impl Array {
     ///
     /// `last` is the press of the scan before, if there was one; it saves half of the time.
     pub fn estimate(&self, readings: &[f32], indenter: &Indenter, last: Option<&Press>) -> Verdict {
-        let prior = Prior::new(indenter, self.profile.radii());
+        let prior = Prior::new(indenter, self.profile.ln_radii());
         let (Some(scan), Some(prior)) = (Scan::new(self, readings), prior) else {
             return Verdict::NotReadable;
         };
@@ -191,10 +191,10 @@ struct Fit<'a> {
 
 impl Fit<'_> {
     fn state_of(&self, press: &Press) -> State {
-        let knot = self.array.profile.spacing().0;
+        let profile = &self.array.profile;
         State([
-            press.x.0 / knot,
-            press.y.0 / knot,
+            profile.knots(press.x),
+            profile.knots(press.y),
             ln(press.force.0),
             ln(press.radius.0),
         ])
@@ -236,18 +236,16 @@ impl Fit<'_> {
     fn step(&self, State([.., ln_radius]): &State, at: &Normal) -> Option<Vector> {
         let free = step(&at.information, &at.gradient)?;
         let [.., by] = free;
-        let [least, greatest] = self.array.profile.radii().map(|of| ln(of.0));
+        let [least, greatest] = self.array.profile.ln_radii();
         let allowed = (ln_radius + by).max(least).min(greatest) - ln_radius;
         if allowed == by {
             return Some(free);
         }
         let (mut information, mut gradient) = (at.information, at.gradient);
-        for (row, slope) in information.iter_mut().zip(&mut gradient) {
-            let [.., entry] = row;
-            *slope += *entry * allowed;
-            *entry = 0.0;
-        }
         let [.., last] = &mut information;
+        for (slope, coupling) in gradient.iter_mut().zip(*last) {
+            *slope += coupling * allowed;
+        }
         *last = [0.0, 0.0, 0.0, 1.0];
         let [.., slope] = &mut gradient;
         *slope = -allowed;
@@ -260,16 +258,15 @@ impl Fit<'_> {
     }
 
     fn bounded(&self, State([x, y, ln_force, ln_radius]): State) -> State {
-        let knot = self.array.profile.spacing().0;
         let coils = self.array.coils();
         let within = |value: f32, of: fn(&Coil) -> Metre| {
-            let places = coils.iter().map(|coil| of(coil).0 / knot);
+            let places = coils.iter().map(|coil| self.array.profile.knots(of(coil)));
             let [low, high] = places.fold([f32::MAX, f32::MIN], |[low, high], at| {
                 [low.min(at), high.max(at)]
             });
             value.max(low - SEARCHED).min(high + SEARCHED)
         };
-        let [least, greatest] = self.array.profile.radii().map(|of| ln(of.0));
+        let [least, greatest] = self.array.profile.ln_radii();
         let [weakest, strongest] = LN_FORCE;
         State([
             within(x, |coil| coil.x),
@@ -282,8 +279,7 @@ impl Fit<'_> {
     /// Sums of the readings and the prior at a state.
     fn normal(&self, State([x, y, ln_force, ln_radius]): &State) -> Normal {
         let profile = &self.array.profile;
-        let knot = profile.spacing().0;
-        let (force, shape) = (exp(*ln_force), profile.shape(*ln_radius));
+        let (force, table) = (exp(*ln_force), profile.table(*ln_radius));
         let prior = self.prior;
         let off = *ln_radius - prior.ln_radius - prior.exponent * ln_force;
         let mut normal = Normal::default();
@@ -292,13 +288,12 @@ impl Fit<'_> {
             off / prior.sigma,
         );
         normal.of_indenter = normal.chi_square;
-        let scan = self.scan.readings().iter().zip(self.scan.sigmas());
-        for (coil, (reading, sigma)) in self.array.coils().iter().zip(scan) {
-            let [dx, dy] = [x - coil.x.0 / knot, y - coil.y.0 / knot];
+        let scan = self.scan.weights().iter().zip(self.scan.targets());
+        for (coil, (weight, target)) in self.array.coils().iter().zip(scan) {
+            let [dx, dy] = [x - profile.knots(coil.x), y - profile.knots(coil.y)];
             let distance = sqrt(dx * dx + dy * dy);
-            let response = profile.response(distance, shape);
+            let response = table.response(distance);
             let (value, slope) = profile.curve(force * response.value);
-            let weight = coil.gain / sigma;
             let scale = weight * slope * force;
             // The profile is even: at the axis its slope is zero, and any direction serves.
             let radial = scale * response.by_distance / distance.max(f32::MIN_POSITIVE);
@@ -308,7 +303,7 @@ impl Fit<'_> {
                 scale * response.value,
                 scale * response.by_ln_radius,
             ];
-            normal.add(&row, weight * value - reading / sigma);
+            normal.add(&row, weight * value - target);
             normal.informative += u8::from((weight * value).abs() > REACHED);
         }
         normal
@@ -339,7 +334,7 @@ impl Fit<'_> {
         if self.prior.is_declared {
             return true;
         }
-        let [least, greatest] = self.array.profile.radii().map(|of| ln(of.0));
+        let [least, greatest] = self.array.profile.ln_radii();
         let is_within = least < *ln_radius && *ln_radius < greatest;
         let inverse = Cholesky::new(&at.information).map(|of| of.inverse());
         let [.., [.., variance]] = inverse.unwrap_or([[f32::INFINITY; UNKNOWNS]; UNKNOWNS]);
@@ -442,9 +437,9 @@ impl Normal {
     fn add(&mut self, row: &Vector, residual: f32) {
         self.chi_square += residual * residual;
         let sums = self.information.iter_mut().zip(&mut self.gradient);
-        for ((sums, gradient), a) in sums.zip(row) {
+        for (i, ((sums, gradient), a)) in sums.zip(row).enumerate() {
             *gradient += a * residual;
-            for (sum, b) in sums.iter_mut().zip(row) {
+            for (sum, b) in sums.iter_mut().zip(row).take(i + 1) {
                 *sum += a * b;
             }
         }

@@ -11,7 +11,7 @@ pub(super) type Matrix = [Vector; UNKNOWNS];
 pub(super) struct Cholesky(Matrix);
 
 impl Cholesky {
-    /// `None` if the matrix is not positive definite, or its digits are lost.
+    /// From the lower triangle of a matrix; `None` if it is not positive definite, or its digits are lost.
     pub(super) fn new(matrix: &Matrix) -> Option<Self> {
         // Part of a diagonal element that rounding leaves of a zero.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;

@@ -45,9 +45,12 @@ pub struct Profile {
     coefficients: Coefficients,
     middle: f32,
     half: f32,
+    /// Knots per metre.
+    per_metre: f32,
+    ln_radii: [f32; 2],
 }
 
-/// F Phi and its derivatives by the distance (in knots) and by ln a.
+/// Phi and its derivatives by the distance (in knots) and by ln a, 1/N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Response {
     pub(super) value: f32,
@@ -55,11 +58,11 @@ pub(super) struct Response {
     pub(super) by_ln_radius: f32,
 }
 
-/// s of a contact radius, with its derivative by ln a.
+/// The coefficients at a contact radius, with their derivatives by ln a, 1/N.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
-    s: f32,
-    by_ln_radius: f32,
+pub(super) struct Table {
+    values: [f32; BASE],
+    by_ln_radius: [f32; BY_RADIUS],
 }
 
 impl Profile {
@@ -80,6 +83,8 @@ impl Profile {
             coefficients,
             middle: 0.5 * (greatest + least),
             half: Metre::positive(0.5 * (greatest - least))?.0,
+            per_metre: OutOfRange::check(1.0 / of.spacing.0, Requirement::Positive)?,
+            ln_radii: [of.least_radius, of.greatest_radius].map(|of| ln(of.0)),
         })
     }
 
@@ -91,33 +96,27 @@ impl Profile {
     /// Relative change of inductance that a press of `force_n` at the distance causes in a coil of
     /// gain 1. Radii beyond the calibration's count as the nearest one.
     pub fn reading(&self, force_n: f32, distance: Metre, radius: Metre) -> f32 {
-        let shape = self.shape(ln(radius.0));
-        let response = self.response(distance / self.coefficients.spacing, shape);
+        let table = self.table(ln(radius.0));
+        let response = table.response(self.knots(distance));
         self.curve(force_n * response.value).0
     }
 
-    pub(super) fn shape(&self, ln_radius: f32) -> Shape {
-        let root = exp(0.5 * ln_radius);
-        Shape {
-            s: ((root - self.middle) / self.half).clamp(-1.0, 1.0),
-            by_ln_radius: 0.5 * root / self.half,
-        }
-    }
-
-    /// Phi at a distance in knots, 1/N.
-    pub(super) fn response(&self, distance: f32, Shape { s, by_ln_radius }: Shape) -> Response {
-        // Saturates for large numbers; NaN counts as zero, and the fraction stays NaN.
-        let knot = distance as usize;
-        let spline = Spline::new(distance - knot as f32);
+    pub(super) fn table(&self, ln_radius: f32) -> Table {
         let of = &self.coefficients;
-        let [base, base_slope] = spline.at(&of.base, knot);
-        let [linear, linear_slope] = spline.at(&of.linear, knot);
-        let [quadratic, quadratic_slope] = spline.at(&of.quadratic, knot);
-        Response {
-            value: base + s * (linear + s * quadratic),
-            by_distance: base_slope + s * (linear_slope + s * quadratic_slope),
-            by_ln_radius: by_ln_radius * (linear + 2.0 * s * quadratic),
+        let root = exp(0.5 * ln_radius);
+        let s = ((root - self.middle) / self.half).clamp(-1.0, 1.0);
+        let s_by_ln_radius = 0.5 * root / self.half;
+        let mut table = Table {
+            values: of.base,
+            by_ln_radius: [0.0; BY_RADIUS],
+        };
+        let sums = table.values.iter_mut().zip(&mut table.by_ln_radius);
+        for ((value, by), (linear, quadratic)) in sums.zip(of.linear.iter().zip(&of.quadratic)) {
+            let bent = s * quadratic;
+            *value += s * (linear + bent);
+            *by = s_by_ln_radius * (linear + 2.0 * bent);
         }
+        table
     }
 
     /// f and its slope.
@@ -146,50 +145,81 @@ impl Profile {
         self.coefficients.spacing
     }
 
-    pub(super) const fn radii(&self) -> [Metre; 2] {
-        [
-            self.coefficients.least_radius,
-            self.coefficients.greatest_radius,
-        ]
+    /// A length in knots.
+    pub(super) const fn knots(&self, length: Metre) -> f32 {
+        length.0 * self.per_metre
+    }
+
+    /// ln a of the least and the greatest radius.
+    pub(super) const fn ln_radii(&self) -> [f32; 2] {
+        self.ln_radii
     }
 }
 
-/// The four parts of the B-splines that are not zero between two knots, and their slopes.
-struct Spline {
-    parts: [f32; 4],
-    slopes: [f32; 4],
+impl Table {
+    /// Phi at a distance in knots, with its derivatives.
+    pub(super) fn response(&self, distance: f32) -> Response {
+        let at = Interval::new(distance);
+        Response {
+            value: at.sum(&at.parts(), &self.values),
+            by_distance: at.sum(&at.slopes(), &self.values),
+            by_ln_radius: at.sum(&at.parts(), &self.by_ln_radius),
+        }
+    }
+
+    /// Phi at a distance in knots.
+    pub(super) fn value(&self, distance: f32) -> f32 {
+        let at = Interval::new(distance);
+        at.sum(&at.parts(), &self.values)
+    }
 }
 
-impl Spline {
-    /// At a fraction `t` of the interval.
-    fn new(t: f32) -> Self {
-        const SIXTH: f32 = 1.0 / 6.0;
-        let (u, tt) = (1.0 - t, t * t);
-        let uu = u * u;
-        let [first, last] = [SIXTH * u * uu, SIXTH * t * tt];
-        let second = 0.5 * t * tt - tt + 2.0 * (1.0 / 3.0);
-        let slope = 1.5 * tt - 2.0 * t;
+/// A place between two knots.
+struct Interval {
+    knot: usize,
+    share: f32,
+}
+
+impl Interval {
+    /// At a distance in knots, at least zero. It saturates for large numbers; NaN counts as zero, and
+    /// the share stays NaN.
+    fn new(distance: f32) -> Self {
+        let knot = distance as usize;
         Self {
-            // The four parts add up to one, their slopes to zero.
-            parts: [first, second, 1.0 - first - second - last, last],
-            slopes: [-0.5 * uu, slope, 0.5 * uu - slope - 0.5 * tt, 0.5 * tt],
+            knot,
+            share: distance - knot as f32,
         }
     }
 
-    /// Sum of a table's B-splines and its slope, above the knot.
-    fn at(&self, table: &[f32], knot: usize) -> [f32; 2] {
+    /// The four B-splines that are not zero here; they add up to one.
+    fn parts(&self) -> [f32; 4] {
+        const SIXTH: f32 = 1.0 / 6.0;
+        let t = self.share;
+        let (u, tt) = (1.0 - t, t * t);
+        let [first, last] = [SIXTH * u * u * u, SIXTH * t * tt];
+        let second = 0.5 * t * tt - tt + 2.0 * (1.0 / 3.0);
+        [first, second, 1.0 - first - second - last, last]
+    }
+
+    /// Their slopes, which add up to zero.
+    fn slopes(&self) -> [f32; 4] {
+        let t = self.share;
+        let (u, tt) = (1.0 - t, t * t);
+        let [first, last] = [-0.5 * u * u, 0.5 * tt];
+        let second = 1.5 * tt - 2.0 * t;
+        [first, second, -first - second - last, last]
+    }
+
+    /// Sum of a table's splines, by their values or slopes. The table is even about its first knot.
+    fn sum(&self, splines: &[f32; 4], table: &[f32]) -> f32 {
         let indices = [
-            knot.abs_diff(1),
-            knot,
-            knot.saturating_add(1),
-            knot.saturating_add(2),
+            self.knot.abs_diff(1),
+            self.knot,
+            self.knot.saturating_add(1),
+            self.knot.saturating_add(2),
         ];
-        let mut sums = [0.0; 2];
-        for (index, (part, slope)) in indices.iter().zip(self.parts.iter().zip(&self.slopes)) {
-            if let Some(coefficient) = table.get(*index) {
-                sums = [sums[0] + coefficient * part, sums[1] + coefficient * slope];
-            }
-        }
-        sums
+        let pairs = indices.iter().zip(splines);
+        let product = |(index, spline): (&usize, &f32)| Some(table.get(*index)? * spline);
+        pairs.filter_map(product).sum()
     }
 }

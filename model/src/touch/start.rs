@@ -2,7 +2,9 @@
 
 use super::array::Array;
 use super::estimate::{Prior, Scan, State};
-use crate::math::{hypot, ln};
+use super::profile::Table;
+use crate::math::{ln, sqrt};
+use crate::units::Metre;
 
 /// The candidate whose best force leaves the least misfit: places between the coil of the largest
 /// reading and the others, between the coils' centroid and the others, and the centroid of the
@@ -27,15 +29,17 @@ pub(super) fn start(array: &Array, scan: &Scan, prior: &Prior) -> Option<State> 
         .chain(between(centre, 0.0).take(1))
         .chain(between(centre, 0.5))
         .chain(centroid(array, scan));
+    let table = array.profile.table(prior.ln_radius);
     let mut best: Option<(f32, State)> = None;
     for [x, y] in places {
-        let Some((misfit, force)) = force(array, scan, [x, y], prior.ln_radius) else {
+        let Some((misfit, force)) = force(array, scan, [x, y], &table) else {
             continue;
         };
         if best.as_ref().is_none_or(|(least, _)| misfit < *least) {
-            let (ln_force, knot) = (ln(force), array.profile.spacing().0);
+            let ln_force = ln(force);
             let ln_radius = prior.ln_radius + prior.exponent * ln_force;
-            best = Some((misfit, State([x / knot, y / knot, ln_force, ln_radius])));
+            let [x, y] = [x, y].map(|of| array.profile.knots(Metre(of)));
+            best = Some((misfit, State([x, y, ln_force, ln_radius])));
         }
     }
     best.map(|(_, state)| state)
@@ -65,14 +69,16 @@ fn centroid(array: &Array, scan: &Scan) -> Option<[f32; 2]> {
 }
 
 /// The best force at a place, with its misfit; `None` if it is not above zero.
-fn force(array: &Array, scan: &Scan, [x, y]: [f32; 2], ln_radius: f32) -> Option<(f32, f32)> {
-    let shape = array.profile.shape(ln_radius);
-    let knot = array.profile.spacing().0;
+fn force(array: &Array, scan: &Scan, [x, y]: [f32; 2], table: &Table) -> Option<(f32, f32)> {
     let [mut square, mut cross, mut own] = [0.0; 3];
-    for ((coil, straight), sigma) in array.coils().iter().zip(scan.straight()).zip(scan.sigmas()) {
-        let distance = hypot(x - coil.x.0, y - coil.y.0) / knot;
-        let weight = coil.gain / sigma;
-        let predicted = weight * array.profile.response(distance, shape).value;
+    for (coil, (straight, weight)) in array
+        .coils()
+        .iter()
+        .zip(scan.straight().iter().zip(scan.weights()))
+    {
+        let [dx, dy] = [x - coil.x.0, y - coil.y.0];
+        let distance = array.profile.knots(Metre(sqrt(dx * dx + dy * dy)));
+        let predicted = weight * table.value(distance);
         let found = weight * straight;
         square += predicted * predicted;
         cross += predicted * found;

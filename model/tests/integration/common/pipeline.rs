@@ -12,6 +12,9 @@ use palpate_model::ramp::{
 use palpate_model::springs::two_state_load;
 use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
+use palpate_model::touch::{
+    Array, Coefficients, Coil, CommonError, Indenter, Profile, ReadingError, Region,
+};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::*;
 
@@ -19,7 +22,7 @@ use palpate_model::units::*;
 pub const READINGS: u32 = 400;
 
 /// Bits of all results that could differ between machines.
-pub type Bits = [u32; 26];
+pub type Bits = [u32; 34];
 
 struct Noise32(u32);
 
@@ -173,5 +176,83 @@ pub fn run(one: f32) -> Option<Bits> {
         plain.0,
         high.0,
     ];
-    Some(values.map(f32::to_bits))
+    let mut bits = [0; 34];
+    let all = values.into_iter().chain(touch(one)?);
+    for (to, value) in bits.iter_mut().zip(all) {
+        *to = value.to_bits();
+    }
+    Some(bits)
+}
+
+/// A press on seven coils, with whole numbers as coefficients and readings.
+pub fn array(one: f32) -> Option<Array> {
+    let table = |of: [i16; 9]| of.map(|value| f32::from(value) * 1e-5 * one);
+    let [a, b, c, d, e, ..] = table([-150, -40, 30, 5, -2, 0, 0, 0, 0]);
+    let profile = Profile::new(Coefficients {
+        spacing: Metre(2e-3),
+        least_radius: Metre(1e-3),
+        greatest_radius: Metre(5e-3),
+        base: table([2_200, 1_700, 400, -220, -240, -120, -60, -30, -15]),
+        linear: [a, b, c, d, e],
+        quadratic: [b, a, d, c, e],
+        bend: 2.0,
+    });
+    let coil = |x: f32, y: f32| Coil {
+        x: Metre(x * one),
+        y: Metre(y),
+        gain: 1.0 + x,
+        noise: 1e-5,
+    };
+    let coils = [
+        coil(0.0, 0.0),
+        coil(6e-3, 0.0),
+        coil(3e-3, 5.196e-3),
+        coil(-3e-3, 5.196e-3),
+        coil(-6e-3, 0.0),
+        coil(-3e-3, -5.196e-3),
+        coil(3e-3, -5.196e-3),
+    ];
+    let errors = ReadingError {
+        relative: 0.01,
+        of_largest: 5e-3,
+    };
+    let region = Region::Disc {
+        centre: [Metre(0.0); 2],
+        radius: Metre(7e-3),
+    };
+    Array::new(
+        &coils,
+        profile.ok()?,
+        (errors, CommonError::default()),
+        region,
+    )
+    .ok()
+}
+
+/// Readings of the press.
+pub const READ: [f32; 7] = [
+    0.01279, 0.00412, 0.00094, -0.00171, -0.00171, -0.00178, -0.00033,
+];
+
+fn touch(one: f32) -> Option<[f32; 8]> {
+    let array = array(one)?;
+    let verdict = array.estimate(&READ, &Indenter::Unknown, None);
+    let press = *verdict.claimed()?;
+    let ball = Indenter::Declared {
+        at_one_newton: Metre(2e-3 * one),
+        exponent: 1.0 / 3.0,
+        uncertainty: 0.1,
+    };
+    let again = array.estimate(&READ, &ball, Some(&press));
+    let (again, ellipse) = (again.claimed()?, press.ellipse());
+    Some([
+        press.x.0,
+        press.y.0,
+        press.force.0,
+        press.radius.0,
+        press.chi_square,
+        ellipse.major.0,
+        ellipse.angle_rad,
+        again.force.0,
+    ])
 }
