@@ -16,6 +16,8 @@
 //! [`evaluate_both`] takes sessions of the same bench at two temperatures and determines the
 //! temperature coefficients of springs and rise.
 //!
+//! [`touch`] calibrates an array of several sensing coils.
+//!
 //! Later, in use, [`check_untouched`] corrects a calibration by a train without a press, and
 //! [`check`] by one press onto a known spring.
 
@@ -43,6 +45,7 @@ mod scatter;
 pub mod session;
 mod temperature;
 mod terms;
+pub mod touch;
 mod travel;
 mod unchecked;
 mod untouched;
