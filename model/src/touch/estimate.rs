@@ -145,8 +145,6 @@ const LEAST_SIGNIFICANCE: f32 = 5.0;
 const CLAIMED: f32 = 1.0 / 3.0;
 /// A prediction above this number of sigmas is informative.
 const REACHED: f32 = 3.0;
-/// Least number of informative readings for the test of chi-square.
-const LEAST_INFORMATIVE: u8 = 5;
 /// Longest step: in knots, ln F and ln a.
 const LONGEST_STEP: Vector = [1.0, 1.0, 1.0, 0.5];
 /// Bounds of ln F: from 1 uN to 8 kN.
@@ -316,10 +314,10 @@ impl Fit<'_> {
         if !self.array.bounds.contains([press.x.0, press.y.0]) {
             return Verdict::BeyondArray(press);
         }
-        // The indenter counts as one more reading. An unknown one contradicts nothing.
+        // The indenter counts as one more reading; an unknown one contradicts nothing. NaN is refused.
         let degrees = (self.scan.count + 1).saturating_sub(UNKNOWNS);
         let greatest = greatest_chi_square(degrees);
-        if press.informative >= LEAST_INFORMATIVE && !(press.chi_square <= greatest) {
+        if !(press.chi_square <= greatest) {
             return Verdict::DoesNotFit { press, greatest };
         }
         if self.claims_radius(state, at) {

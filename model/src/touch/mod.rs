@@ -19,9 +19,9 @@
 //! is therefore added to the result ([`CommonError`]). The covariance of the coefficients itself
 //! stays on the PC.
 //!
-//! **Limits.** With four coils there are as many readings as unknowns: a second contact, an edge or
-//! a tilted face is not noticed. Five and more readings that the press reaches are compared with
-//! the fit by chi-square.
+//! **Limits.** With four coils and an unknown indenter there are as many readings as unknowns: most
+//! second contacts, edges and tilted faces are explained by another single press. Of two contacts on
+//! four coils, 23 % do not fit with an unknown and 80 % with a declared indenter; on seven coils 99 %.
 
 mod array;
 mod estimate;

@@ -15,7 +15,8 @@ pub const BY_RADIUS: usize = 5;
 /// Phi(r, a) = sum of (base_j + linear_j s + quadratic_j s^2) B(r/spacing - j),
 ///
 /// where B is the cubic B-spline with knots at whole numbers, and the coefficients at -j are those
-/// at j: Phi is even in r, has two continuous derivatives, and is zero beyond the last knots.
+/// at j: Phi is even in r, has two continuous derivatives, and is zero from ten knots on. An array
+/// that is wider than this reach needs a wider spacing.
 ///
 /// The form fits the profiles of a bonded layer of 3 and 5 mm under coils from 2 to 6.5 mm, for
 /// contacts from 1 to 5 mm, within 0.3 to 0.4 % of the peak (root mean square) and 2.5 % (greatest,

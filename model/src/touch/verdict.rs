@@ -58,8 +58,8 @@ pub struct Press {
     /// Sum of the squared residuals of the readings, and of a declared indenter, each divided by its
     /// sigma.
     pub chi_square: f32,
-    /// Readings that the press reaches: predicted above three sigma. Chi-square is a test with five
-    /// or more.
+    /// Readings that the press reaches: predicted above three sigma. With fewer than five, a single
+    /// press explains most readings of two contacts.
     pub informative: u8,
     /// Evaluations of the model.
     pub evaluations: u8,

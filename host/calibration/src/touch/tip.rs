@@ -81,7 +81,7 @@ mod tests {
 
     /// Hertz on a half-space of the reduced modulus 4 G.
     #[test]
-    fn a_ball_on_a_thick_layer_has_hertzs_contact() {
+    fn a_ball_on_a_thick_layer_has_the_contact_of_hertz() {
         let thick = Layer {
             thickness_m: 0.5,
             shear_modulus_pa: 20e3,
