@@ -27,6 +27,7 @@ pub mod sensing_coil;
 pub mod stack;
 pub mod switches;
 pub mod thermal;
+pub mod touch;
 pub mod world;
 
 /// Virtual time, shared by world and converter: whole picoseconds, so that no clock drifts against
