@@ -81,7 +81,7 @@ impl Layer {
         };
         Response {
             down_by_pressure: displacement(-a22, a21),
-            down_by_shear: displacement(-a12, a11),
+            down_by_shear: -displacement(-a12, a11),
         }
     }
 
@@ -117,7 +117,9 @@ mod tests {
                 let kappa = 3.0 - 4.0 * nu;
                 let twice = (2.0 * alpha).min(600.0);
                 let share = (kappa * twice.sinh() - 2.0 * alpha)
-                    / (kappa * twice.cosh() + 5.0 - 12.0 * nu + 8.0 * nu * nu + 2.0 * alpha * alpha);
+                    / (kappa * twice.cosh() + 5.0 - 12.0 * nu
+                        + 8.0 * nu * nu
+                        + 2.0 * alpha * alpha);
                 let expected = (1.0 - nu) / (20e3 * k) * share;
                 let error = layer.compliance_m_per_pa(k) / expected - 1.0;
                 assert!(error.abs() < 1e-9, "{nu} {alpha}: {error}");
@@ -144,7 +146,9 @@ mod tests {
             // Half-space (Johnson 1985, section 2.2 under a harmonic pressure).
             let x = k * depth_m;
             let expected = (2.0 * 0.6 + x) * libm::exp(-x) / (2.0 * 20e3 * k);
-            let found = layer.response(k, layer.thickness_m - depth_m).down_by_pressure;
+            let found = layer
+                .response(k, layer.thickness_m - depth_m)
+                .down_by_pressure;
             assert!((found / expected - 1.0).abs() < 1e-9, "{depth_m}");
         }
     }
@@ -160,6 +164,9 @@ mod tests {
         let other = layer(0.3);
         let expected = 0.4 / (2.0 * 20e3 * 8e3);
         let found = other.response(8e3, 5e-3).down_by_shear;
-        assert!((found.abs() / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        assert!(
+            (found.abs() / expected - 1.0).abs() < 1e-9,
+            "{found} {expected}"
+        );
     }
 }

@@ -14,7 +14,10 @@ pub(super) fn gauss(count: u32, from: f64, to: f64) -> Vec<(f64, f64)> {
             (value, slope) = legendre(count, x);
             x -= value / slope;
         }
-        (centre + half * x, half * 2.0 / ((1.0 - x * x) * slope * slope))
+        (
+            centre + half * x,
+            half * 2.0 / ((1.0 - x * x) * slope * slope),
+        )
     };
     (0..count).map(node).collect()
 }
@@ -33,9 +36,15 @@ fn legendre(degree: u32, x: f64) -> (f64, f64) {
     let (mut value, mut before) = (x, 1.0);
     for n in 2..=degree {
         let n = f64::from(n);
-        (value, before) = (((2.0 * n - 1.0) * x * value - (n - 1.0) * before) / n, value);
+        (value, before) = (
+            ((2.0 * n - 1.0) * x * value - (n - 1.0) * before) / n,
+            value,
+        );
     }
-    (value, f64::from(degree) * (x * value - before) / (x * x - 1.0))
+    (
+        value,
+        f64::from(degree) * (x * value - before) / (x * x - 1.0),
+    )
 }
 
 #[cfg(test)]
@@ -47,7 +56,10 @@ mod tests {
         for count in [1, 2, 7, 24, 64] {
             let rule = gauss(count, 1.0, 3.0);
             let power = 2 * count as i32 - 1;
-            let sum: f64 = rule.iter().map(|(x, w)| w * (x - 2.0).powi(power - 1)).sum();
+            let sum: f64 = rule
+                .iter()
+                .map(|(x, w)| w * (x - 2.0).powi(power - 1))
+                .sum();
             let exact = 2.0 / f64::from(power);
             assert!((sum / exact - 1.0).abs() < 1e-12, "{count}: {sum} {exact}");
         }
