@@ -1,5 +1,6 @@
 //! Touch: an elastic layer over several sensing coils, pressed anywhere.
 
+mod coil;
 mod fft;
 mod grid;
 mod indenter;

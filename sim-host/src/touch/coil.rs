@@ -1,0 +1,506 @@
+//! What a sensing coil reads of an elastomer that moves.
+//!
+//! A slab of magnetic elastomer lies above the coil. If its lower boundary moves down by w₁ and its
+//! upper one by w₂, the inductance changes to first order by
+//!
+//! dL = ∫ (s₁ w₁ − s₂ w₂) dA,  s = μ0 (μ − 1) (H_t² + H_n²/μ)
+//!
+//! with the field of 1 A at that boundary: H_t along it and H_n across it, on its side in air. This
+//! is the change of the energy of a permeable body at constant current, ½ ∫ (μ − 1) μ0 H · H' dV
+//! with the field H before and H' after (Stratton, "Electromagnetic theory", 1941, section 2.14).
+//!
+//! The slab's field is that of images of the coil at the depths d + 2nt below the boundary, from the
+//! reflection at both boundaries (g = (μ − 1)/(μ + 1), gap d, thickness t). For displacements that
+//! are not small against the gap s is integrated along the approach as if the gap were even; this
+//! leaves out the square of the boundary's slope. Turns are filaments.
+
+use core::f64::consts::{PI, TAU};
+
+use super::quadrature::panels;
+use crate::sensing_coil::{CoilDesign, layers};
+
+/// Permeability of free space, H/m.
+const MU_0: f64 = 4e-7 * PI;
+
+/// Terms of the series in the approach.
+const TERMS: usize = 10;
+
+/// Directions in which each ring around the coil is sampled.
+const ANGLES: u32 = 48;
+
+/// Distance of two layers of copper on a board, m (0.2 mm, a common prepreg; guess).
+const LAYERS_APART_M: f64 = 0.2e-3;
+
+/// Steps of the table of the field at rest.
+const FIELDS: u32 = 160;
+
+/// Radius up to which the elastomer counts, in outer radii of the coil. Beyond it lies less than
+/// 0.1 % of the reading of an even approach.
+const REACH: f64 = 3.5;
+
+/// Approaches that the series covers, as shares of the gap: away from the coil, and towards it. At
+/// gaps below 0.4 of the pitch the field has peaks at the turns, which rings do not resolve.
+const AWAY: f64 = 0.5;
+const LEAST_GAP_PITCHES: f64 = 0.4;
+
+/// Field of 1 A in a coil at one radius of a boundary, on its side in air, A/m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Field {
+    /// Along the boundary, away from the axis.
+    along: f64,
+    /// Across the boundary.
+    across: f64,
+}
+
+/// The readings of one kind of coil.
+#[derive(Clone, Debug)]
+pub(super) struct Reading {
+    /// Rings around the axis.
+    rings: Vec<Ring>,
+    /// Centre and half of the range of approaches, m.
+    centre_m: f64,
+    half_m: f64,
+    /// Fields at both boundaries at rest, in equal steps of the radius from half a step on.
+    fields: Vec<[Field; 2]>,
+    step_m: f64,
+    relative_permeability: f64,
+}
+
+/// A ring around the coil's axis.
+#[derive(Clone, Debug)]
+struct Ring {
+    r_m: f64,
+    /// Area of a sample, m².
+    area_m2: f64,
+    /// Inductance per displacement of both boundaries together, H/m² of area, as a series of the
+    /// approach, times the area of a sample, so that its value is in H.
+    together: [f64; TERMS],
+    /// Inductance lost per thinning of the slab, H/m, as such a series.
+    thinning: [f64; TERMS],
+    /// Half the growth of that loss with the thinning, H/m², as such a series.
+    thinner: [f64; TERMS],
+}
+
+/// A sample of a coil's surroundings: relative to its axis, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sample {
+    pub(super) x_m: f64,
+    pub(super) y_m: f64,
+}
+
+/// Downward displacements of the slab's boundaries, m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Moved {
+    pub(super) lower_m: f64,
+    pub(super) upper_m: f64,
+}
+
+impl Moved {
+    /// Adds a share of other displacements.
+    pub(super) fn add(&mut self, other: &Self, share: f64) {
+        self.lower_m += share * other.lower_m;
+        self.upper_m += share * other.upper_m;
+    }
+}
+
+impl Reading {
+    /// Readings of a coil under a slab (`gap_at_rest_m` and `slab_m` of the design; its sides are
+    /// not used).
+    pub(super) fn new(design: &CoilDesign) -> Self {
+        Self::with_rings(design, 3)
+    }
+
+    /// Readings with this many panels of rings over the turns.
+    fn with_rings(design: &CoilDesign, count: u32) -> Self {
+        let gap_m = design.gap_at_rest_m;
+        let towards_m = gap_m - (LEAST_GAP_PITCHES * design.pitch_m()).max(0.1e-3);
+        let away_m = -AWAY * gap_m;
+        let (centre_m, half_m) = (0.5 * (towards_m + away_m), 0.5 * (towards_m - away_m));
+        let outer_m = 0.5 * design.outer_diameter_m;
+        // Rings are dense over the turns, where the field is.
+        let mut radii = panels(count, 16, 0.0, 1.5 * outer_m);
+        radii.extend(panels(1, 16, 1.5 * outer_m, REACH * outer_m));
+        let ring = |&(r_m, weight_m): &(f64, f64)| {
+            let area_m2 = TAU / f64::from(ANGLES) * r_m * weight_m;
+            let step_m = 0.02 * design.slab_m;
+            let thin_design = CoilDesign {
+                slab_m: design.slab_m - step_m,
+                ..*design
+            };
+            let gap_of = |node| gap_m - centre_m - half_m * chebyshev_node(node);
+            let at = |node| densities(design, gap_of(node), r_m);
+            let nodes: [[f64; 2]; TERMS] = core::array::from_fn(at);
+            let thin: [f64; TERMS] = core::array::from_fn(|node| {
+                let [_, thin] = densities(&thin_design, gap_of(node), r_m);
+                let [_, thick] = at(node);
+                (thin - thick) / step_m
+            });
+            let rate = series(&nodes.map(|[lower, upper]| area_m2 * (lower - upper)));
+            Ring {
+                r_m,
+                area_m2,
+                together: integrated(&rate, half_m, -centre_m / half_m),
+                thinning: series(&nodes.map(|[_, upper]| area_m2 * upper)),
+                thinner: series(&thin.map(|per_m| 0.5 * area_m2 * per_m)),
+            }
+        };
+        let step_m = REACH * outer_m / f64::from(FIELDS);
+        let field = |step: u32| boundary_fields(design, gap_m, step_m * (f64::from(step) + 0.5));
+        Self {
+            rings: radii.iter().map(ring).collect(),
+            centre_m,
+            half_m,
+            fields: (0..FIELDS).map(field).collect(),
+            step_m,
+            relative_permeability: design.relative_permeability,
+        }
+    }
+
+    /// Fields at both boundaries at a radius, at rest.
+    fn fields(&self, r_m: f64) -> [Field; 2] {
+        let position = (r_m / self.step_m - 0.5).max(0.0);
+        let first = position as usize;
+        let share = position - first as f64;
+        let mut fields = [Field::default(); 2];
+        let pair = self.fields.iter().skip(first);
+        for (table, weight) in pair.zip([1.0 - share, share]) {
+            for (field, from) in fields.iter_mut().zip(table) {
+                field.along += weight * from.along;
+                field.across += weight * from.across;
+            }
+        }
+        fields
+    }
+
+    /// Change of the mutual inductance with another coil at `x_m`, `y_m` from this one, per downward
+    /// displacement of the boundaries at each sample, H/m; to first order at rest.
+    pub(super) fn mutual(&self, other: &Self, x_m: f64, y_m: f64) -> Vec<Moved> {
+        let mu = self.relative_permeability;
+        let at = |(area_m2, sample): (f64, Sample)| {
+            let (to_x, to_y) = (sample.x_m - x_m, sample.y_m - y_m);
+            let own_m = libm::hypot(sample.x_m, sample.y_m);
+            let other_m = libm::hypot(to_x, to_y);
+            let along = sample.x_m * to_x + sample.y_m * to_y;
+            let cosine = along / f64::max(own_m * other_m, f64::MIN_POSITIVE);
+            let [own_lower, own_upper] = self.fields(own_m);
+            let [lower, upper] = other.fields(other_m);
+            Moved {
+                lower_m: area_m2 * product(mu, own_lower, lower, cosine),
+                upper_m: -area_m2 * product(mu, own_upper, upper, cosine),
+            }
+        };
+        self.areas_m2().zip(self.samples()).map(at).collect()
+    }
+
+    /// Areas of the samples, m².
+    fn areas_m2(&self) -> impl Iterator<Item = f64> + '_ {
+        let rings = self.rings.iter();
+        rings.flat_map(|ring| (0..ANGLES).map(move |_| ring.area_m2))
+    }
+
+    /// Change of another coil's own inductance, as [`Self::mutual`].
+    pub(super) fn of_other(&self, other: &Self, x_m: f64, y_m: f64) -> Vec<Moved> {
+        let mu = self.relative_permeability;
+        let at = |(area_m2, sample): (f64, Sample)| {
+            let other_m = libm::hypot(sample.x_m - x_m, sample.y_m - y_m);
+            let [lower, upper] = other.fields(other_m);
+            Moved {
+                lower_m: area_m2 * product(mu, lower, lower, 1.0),
+                upper_m: -area_m2 * product(mu, upper, upper, 1.0),
+            }
+        };
+        self.areas_m2().zip(self.samples()).map(at).collect()
+    }
+
+    /// Places at which [`Self::change_h`] asks for displacements, in its order.
+    pub(super) fn samples(&self) -> impl Iterator<Item = Sample> + '_ {
+        self.rings.iter().flat_map(|ring| {
+            (0..ANGLES).map(move |index| {
+                let angle = TAU / f64::from(ANGLES) * (f64::from(index) + 0.5);
+                Sample {
+                    x_m: ring.r_m * libm::cos(angle),
+                    y_m: ring.r_m * libm::sin(angle),
+                }
+            })
+        })
+    }
+
+    /// Change of the inductance by displacements at the samples, H. Approaches beyond the range of
+    /// the series count as its end: the layer lies on the coil.
+    pub(super) fn change_h(&self, moved: impl Iterator<Item = Moved>) -> f64 {
+        let rings = self
+            .rings
+            .iter()
+            .flat_map(|ring| (0..ANGLES).map(move |_| ring));
+        rings
+            .zip(moved)
+            .map(|(ring, moved)| {
+                let x = ((moved.lower_m - self.centre_m) / self.half_m).clamp(-1.0, 1.0);
+                let thinner_m = moved.upper_m - moved.lower_m;
+                let together = value(&ring.together, x);
+                if thinner_m == 0.0 {
+                    together
+                } else {
+                    let growth = thinner_m * value(&ring.thinner, x);
+                    together - thinner_m * (value(&ring.thinning, x) + growth)
+                }
+            })
+            .sum()
+    }
+}
+
+/// s of the lower and the upper boundary at a radius, H/m³.
+fn densities(design: &CoilDesign, gap_m: f64, r_m: f64) -> [f64; 2] {
+    let mu = design.relative_permeability;
+    let fields = boundary_fields(design, gap_m, r_m);
+    fields.map(|field| product(mu, field, field, 1.0))
+}
+
+/// The density of two fields, H/m³; `cosine` is that of the angle between their radii. It is s for
+/// a field with itself, and that of a mutual inductance for the fields of two coils.
+pub(super) fn product(mu: f64, one: Field, other: Field, cosine: f64) -> f64 {
+    MU_0 * (mu - 1.0) * (one.along * other.along * cosine + one.across * other.across / mu)
+}
+
+/// Fields at the slab's lower and upper boundary, by images.
+pub(super) fn boundary_fields(design: &CoilDesign, gap_m: f64, r_m: f64) -> [Field; 2] {
+    let g = (design.relative_permeability - 1.0) / (design.relative_permeability + 1.0);
+    let mut fields = [Field::default(); 2];
+    let (mut power, mut depth_m) = (1.0, gap_m);
+    let mut before = 0.0;
+    // Each image is weaker by g²; the field of one 4 diameters below is 1e-3 of the first.
+    while power > 1e-6 && depth_m < 4.0 * design.outer_diameter_m {
+        let image = coil_field(design, r_m, depth_m);
+        let through = coil_field(design, r_m, depth_m + design.slab_m);
+        // Coefficients of e^(−2nkt) in 1 − G, 1 + G and the field behind the slab.
+        let along = if before == 0.0 {
+            1.0 - g
+        } else {
+            before * (1.0 - g * g)
+        };
+        let across = if before == 0.0 {
+            1.0 + g
+        } else {
+            -before * (1.0 - g * g)
+        };
+        let [lower, upper] = &mut fields;
+        lower.along += along * image.along;
+        lower.across += across * image.across;
+        upper.along += (1.0 - g * g) * power * through.along;
+        upper.across += (1.0 - g * g) * power * through.across;
+        before = power * g;
+        power *= g * g;
+        depth_m += 2.0 * design.slab_m;
+    }
+    fields
+}
+
+/// Field of 1 A in the turns in air, at a radius and a distance from their plane.
+fn coil_field(design: &CoilDesign, r_m: f64, z_m: f64) -> Field {
+    let mut sum = Field::default();
+    for a_m in design.radii_m() {
+        let turn = turn_field(a_m, r_m, z_m);
+        sum.along += turn.along;
+        sum.across += turn.across;
+    }
+    sum
+}
+
+/// Field of a turn (Smythe, "Static and dynamic electricity", 1950, section 7.10), with the complete
+/// elliptic integrals by the arithmetic–geometric mean.
+fn turn_field(a_m: f64, r_m: f64, z_m: f64) -> Field {
+    let near = (a_m - r_m) * (a_m - r_m) + z_m * z_m;
+    let far = libm::sqrt((a_m + r_m) * (a_m + r_m) + z_m * z_m);
+    let complement = libm::sqrt(near) / far;
+    let (mut a, mut b) = (1.0, complement);
+    let (mut sum, mut weight) = (0.5 * (1.0 - complement * complement), 0.5);
+    while a - b > 1e-9 * a {
+        let c = 0.5 * (a - b);
+        (a, b) = (0.5 * (a + b), libm::sqrt(a * b));
+        weight *= 2.0;
+        sum += weight * c * c;
+    }
+    let first = PI / (a + b);
+    let second = first * (1.0 - sum);
+    let squares = r_m * r_m + z_m * z_m;
+    let across = first + (a_m * a_m - squares) / near * second;
+    let along = z_m / r_m * ((a_m * a_m + squares) / near * second - first);
+    Field {
+        along: along / (TAU * far),
+        across: across / (TAU * far),
+    }
+}
+
+fn chebyshev_node(index: usize) -> f64 {
+    libm::cos(PI * (index as f64 + 0.5) / TERMS as f64)
+}
+
+/// Chebyshev series through values at the nodes.
+fn series(values: &[f64; TERMS]) -> [f64; TERMS] {
+    core::array::from_fn(|term| {
+        let terms = values.iter().enumerate().map(|(node, value)| {
+            let angle = PI * term as f64 * (node as f64 + 0.5) / TERMS as f64;
+            value * libm::cos(angle)
+        });
+        let share = if term == 0 { 1.0 } else { 2.0 };
+        share / TERMS as f64 * terms.sum::<f64>()
+    })
+}
+
+/// Integral of a series, with x in units of `unit`, that vanishes at `zero`:
+/// ∫ Tₙ = Tₙ₊₁/2(n + 1) − Tₙ₋₁/2(n − 1). The term beyond the last is left out.
+fn integrated(series: &[f64; TERMS], unit: f64, zero: f64) -> [f64; TERMS] {
+    let term = |n: usize| series.get(n).copied().unwrap_or(0.0);
+    let mut integral = core::array::from_fn(|n| match n {
+        0 => 0.0,
+        1 => unit * (term(0) - 0.5 * term(2)),
+        _ => 0.5 * unit * (term(n - 1) - term(n + 1)) / n as f64,
+    });
+    let offset = value(&integral, zero);
+    if let Some(constant) = integral.first_mut() {
+        *constant -= offset;
+    }
+    integral
+}
+
+/// Value of a Chebyshev series (Clenshaw 1955).
+fn value(series: &[f64; TERMS], x: f64) -> f64 {
+    let [constant, rest @ ..] = series;
+    let (mut this, mut before) = (0.0, 0.0);
+    for term in rest.iter().rev() {
+        (this, before) = (term + 2.0 * x * this - before, this);
+    }
+    constant + x * this - before
+}
+
+/// Mutual inductance of two coils of one kind at rest, H, whose axes are `apart_m` from each other:
+/// μ0 π ∫ S(k)² J0(k apart) [e^(−k layers) + F(k)] dk with S and F as in [`crate::sensing_coil`].
+/// Coils that overlap lie in two layers of copper.
+pub(super) fn mutual_h(design: &CoilDesign, apart_m: f64) -> f64 {
+    let last = 18.0 / LAYERS_APART_M;
+    let count = (last * (design.outer_diameter_m + apart_m) / 25.0).ceil() as u32;
+    let sum: f64 = panels(count.clamp(1, 2000), 16, 0.0, last)
+        .iter()
+        .map(|&(k, weight)| {
+            let turns: f64 = design.radii_m().map(|a_m| a_m * libm::j1(k * a_m)).sum();
+            let slab = layers::slab(design.relative_permeability, design.slab_m, k);
+            let through = libm::exp(-k * LAYERS_APART_M);
+            let back = layers::one_side(slab, design.gap_at_rest_m, k);
+            weight * turns * turns * libm::j0(k * apart_m) * (through + back)
+        })
+        .sum();
+    MU_0 * PI * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensing_coil::Sides;
+    use crate::sensing_coil::integral::CoilIntegral;
+
+    const COIL: CoilDesign = CoilDesign {
+        outer_diameter_m: 13.5e-3,
+        inner_diameter_m: 3.5e-3,
+        turns: 10,
+        sides: Sides::One,
+        slab_m: 2e-3,
+        gap_at_rest_m: 0.6e-3,
+        relative_permeability: 3.7,
+    };
+
+    fn even(reading: &Reading, lower_m: f64, upper_m: f64) -> f64 {
+        reading.change_h(reading.samples().map(|_| Moved { lower_m, upper_m }))
+    }
+
+    #[test]
+    fn an_even_approach_is_that_of_the_filament_model() {
+        let reading = Reading::new(&COIL);
+        let model = |gap_m: f64, slab_m: f64| {
+            let design = CoilDesign { slab_m, ..COIL };
+            CoilIntegral::new(design, None).inductance_h(gap_m)
+        };
+        let at_rest_h = model(0.6e-3, 2e-3);
+        for lower_m in [-0.2e-3, 1e-6, 0.1e-3, 0.2e-3, 0.35e-3] {
+            let expected = model(0.6e-3 - lower_m, 2e-3) - at_rest_h;
+            let error = even(&reading, lower_m, lower_m) / expected - 1.0;
+            println!("together {lower_m:e}: {expected:e} {error:e}");
+            assert!(error.abs() < 5e-3, "{lower_m}: {error}");
+        }
+        for (lower_m, thinner_m) in [(0.0, 10e-6), (0.1e-3, 50e-6), (0.1e-3, 0.2e-3)] {
+            let thin = model(0.6e-3 - lower_m, 2e-3 - thinner_m);
+            let expected = thin - model(0.6e-3 - lower_m, 2e-3);
+            let found =
+                even(&reading, lower_m, lower_m + thinner_m) - even(&reading, lower_m, lower_m);
+            let error = found / expected - 1.0;
+            println!("thinner {lower_m:e} {thinner_m:e}: {expected:e} {error:e}");
+            assert!(error.abs() < 0.02, "{lower_m} {thinner_m}: {error}");
+        }
+    }
+
+    #[test]
+    fn twice_the_rings_in_an_uneven_approach() {
+        // A dome as of a ball beside the axis.
+        let [coarse, fine] = [3, 6].map(|count| {
+            let reading = Reading::with_rings(&COIL, count);
+            let moved = reading.samples().map(|sample| {
+                let square = (sample.x_m - 3e-3).powi(2) + (sample.y_m - 1e-3).powi(2);
+                let w = 0.3e-3 * (-square / 6e-6).exp();
+                Moved {
+                    lower_m: w,
+                    upper_m: w,
+                }
+            });
+            reading.change_h(moved)
+        });
+        println!("{coarse:e} {fine:e}");
+        assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_mutual_inductance_changes_as_the_whole_does() {
+        // All boundaries down by w: the change of M is that of the closed form at another gap. At no
+        // distance M differs from L by its first term alone.
+        let reading = Reading::new(&COIL);
+        for apart_m in [0.0, 6e-3, 10.4e-3] {
+            let h = 1e-6;
+            let at = |gap_at_rest_m| {
+                mutual_h(
+                    &CoilDesign {
+                        gap_at_rest_m,
+                        ..COIL
+                    },
+                    apart_m,
+                )
+            };
+            let expected = (at(0.6e-3 - h) - at(0.6e-3 + h)) / (2.0 * h);
+            let samples = reading.mutual(&reading, apart_m, 0.0);
+            let found: f64 = samples.iter().map(|s| s.lower_m + s.upper_m).sum();
+            println!(
+                "{apart_m:e}: {:e} {found:e} {expected:e}",
+                mutual_h(&COIL, apart_m)
+            );
+            let whole = reading.mutual(&reading, 0.0, 0.0);
+            let whole: f64 = whole.iter().map(|s| s.lower_m + s.upper_m).sum();
+            assert!(
+                (found - expected).abs() < 5e-3 * whole,
+                "{apart_m}: {found} {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_turn_has_the_field_of_its_axis_and_no_divergence() {
+        let axis = turn_field(5e-3, 1e-9, 3e-3);
+        let expected = 0.5 * 25e-6 / (25e-6_f64 + 9e-6).powf(1.5);
+        assert!((axis.across / expected - 1.0).abs() < 1e-6);
+        let (r, z, h) = (3e-3, 2e-3, 1e-7);
+        let radial = |r: f64| r * turn_field(5e-3, r, z).along;
+        let axial = |z: f64| turn_field(5e-3, r, z).across;
+        let outwards = (radial(r + h) - radial(r - h)) / (2.0 * h * r);
+        let upwards = (axial(z + h) - axial(z - h)) / (2.0 * h);
+        assert!(
+            (outwards + upwards).abs() < 1e-5 * upwards.abs(),
+            "{outwards} {upwards}"
+        );
+    }
+}
