@@ -1,0 +1,496 @@
+//! A touch sensor: coils under a pressed layer, as a converter reads them.
+
+use core::f64::consts::{PI, TAU};
+
+use super::coil::{Moved, Reading, mutual_h};
+use super::draw::TouchParameters;
+use super::grid::Demand;
+use super::indenter::Indenter;
+use super::layer::Layer;
+use super::layout::Layout;
+use super::press::{Contacts, GRID_BITS, Heights, Pressed};
+use super::quadrature::panels;
+use crate::mechanics::layer::{KelvinStep, MODES};
+use crate::random::Stream;
+use crate::sensing_coil::CoilDesign;
+use crate::sensing_coil::integral::CoilIntegral;
+use crate::stack::document::FileError;
+
+/// Noise of a word by whole counts, times RCOUNT (ldc161x-sim, "The counter").
+const QUANTISATION: f64 = 0.018;
+
+/// Reflection of a coil's field at steel: (μk − γ)/(μk + γ) with γ² = jωμμ0σ for μ = 100, 10⁷ S/m,
+/// 5 MHz and k = 300/m. Eddy currents outweigh the iron.
+const STEEL: f64 = -0.75;
+
+/// A sensor.
+#[derive(Clone, Debug)]
+pub struct TouchSensor {
+    parameters: TouchParameters,
+    heights: Heights,
+    coils: Vec<CoilState>,
+}
+
+/// A coil as it is read.
+#[derive(Clone, Debug)]
+struct CoilState {
+    reading: Reading,
+    /// Inductance without press, H.
+    at_rest_h: f64,
+    /// Change of the inductance by currents in idle coils, per displacement at each sample of the
+    /// reading, H/m; none for coils alone.
+    idle: Vec<Moved>,
+}
+
+/// What a sensor is pressed with: where its axis stands, and how far or how hard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Press {
+    /// Place of the indenter's axis, m.
+    pub place_m: [f64; 2],
+    /// Depth, or force.
+    pub demand: Demand,
+}
+
+/// What differs from the calibration of a sensor.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surroundings {
+    /// Temperature above that of the calibration, K.
+    pub warmer_k: f64,
+    /// Distance of a steel plate above the coils' turns, m, 2 mm or more.
+    pub steel_m: Option<f64>,
+    /// Factor of the effect of the elastomer on each coil; coils without an entry have 1.
+    pub gains: Vec<f64>,
+}
+
+/// When the channels are converted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sequence {
+    /// Time from one conversion to the next of a converter, s.
+    pub slot_s: f64,
+    /// Length of a conversion, s.
+    pub conversion_s: f64,
+    /// Reference frequency, Hz.
+    pub reference_hz: f64,
+}
+
+impl Sequence {
+    /// Conversions of channels at a rate of scans, 1/s, by one converter with `channels` channels: a
+    /// tenth of each slot is for settling and switching. The reference is that of the board, 40 MHz.
+    #[must_use]
+    pub fn of_rate(scans_per_s: f64, channels: u32) -> Self {
+        let slot_s = 1.0 / (scans_per_s * f64::from(channels));
+        Self {
+            slot_s,
+            conversion_s: 0.9 * slot_s,
+            reference_hz: 40e6,
+        }
+    }
+}
+
+/// One scan over all coils.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scan {
+    /// Readings, in the order of the channels.
+    pub coils: Vec<CoilReading>,
+    /// What was pressed, in the middle of the scan.
+    pub truth: TouchTruth,
+}
+
+/// One reading of a coil.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoilReading {
+    /// Middle of the conversion, s.
+    pub time_s: f64,
+    /// Frequency as the converter reports it, Hz.
+    pub frequency_hz: f64,
+    /// True inductance, H.
+    pub inductance_h: f64,
+}
+
+/// What is pressed at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TouchTruth {
+    /// Time, s.
+    pub time_s: f64,
+    /// Force, N.
+    pub force_n: f64,
+    /// Centre of the pressure, m; the indenter's axis without contact.
+    pub place_m: [f64; 2],
+    /// Depth of the surface under the indenter, m.
+    pub depth_m: f64,
+    /// Radius of a circle of the contact's area, m.
+    pub radius_m: f64,
+}
+
+impl TouchSensor {
+    /// Draws a sensor of a design (see [`TouchParameters::draw`]).
+    ///
+    /// ```
+    /// use palpate_sim::touch::{Demand, Indenter, Layer, Layout, Press, Sequence, Surroundings};
+    /// use palpate_sim::touch::TouchSensor;
+    ///
+    /// let layer = Layer { thickness_m: 5e-3, shear_modulus_pa: 20e3, poisson: 0.5 };
+    /// let sensor = TouchSensor::draw(&Layout::three_around_one(), &layer, 7)?;
+    /// let mut ball = sensor.pressed_by(&Indenter::Ball { radius_m: 3e-3 }, [0.0; 2], 1);
+    /// // one scan at 250 scans/s, 0.2 mm deep, 2 mm beside the first coil
+    /// let press = Press { place_m: [2e-3, 0.0], demand: Demand::Depth(0.2e-3) };
+    /// let scan = ball.scan(0.0, &Sequence::of_rate(250.0, 4), |_| press, &Surroundings::default());
+    /// let at_rest_h = sensor.inductance_at_rest_h(0).unwrap_or(0.0);
+    /// assert!(scan.coils[0].inductance_h > at_rest_h && scan.truth.force_n > 0.0);
+    /// # Ok::<(), palpate_sim::stack::document::FileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the built-in disturbances cannot be read.
+    pub fn draw(layout: &Layout, layer: &Layer, seed: u64) -> Result<Self, FileError> {
+        Ok(Self::new(TouchParameters::draw(layout, layer, seed)?))
+    }
+
+    /// A sensor with these parameters.
+    #[must_use]
+    pub fn new(parameters: TouchParameters) -> Self {
+        let mut coils: Vec<CoilState> = parameters
+            .coils
+            .iter()
+            .map(|coil| {
+                let design = &coil.coil.design;
+                let integral = CoilIntegral::new(*design, None);
+                let air_h = design.inductance_in_air_h();
+                let effect_h = integral.inductance_h(design.gap_at_rest_m) - air_h;
+                CoilState {
+                    reading: Reading::new(design),
+                    at_rest_h: air_h + coil.gain * effect_h,
+                    idle: Vec::new(),
+                }
+            })
+            .collect();
+        if parameters.idle_shorted {
+            let idle: Vec<_> = (0..coils.len())
+                .map(|index| idle_coils(&parameters, &coils, index))
+                .collect();
+            for (coil, (offset_h, idle)) in coils.iter_mut().zip(idle) {
+                coil.at_rest_h += offset_h;
+                coil.idle = idle;
+            }
+        }
+        let slab_m = parameters
+            .coils
+            .first()
+            .map_or(0.0, |coil| coil.coil.design.slab_m);
+        let heights = Heights {
+            lower_m: parameters.boundary_m,
+            upper_m: parameters.boundary_m + slab_m,
+        };
+        Self {
+            parameters,
+            heights,
+            coils,
+        }
+    }
+
+    /// Parameters of the sensor.
+    #[must_use]
+    pub fn parameters(&self) -> &TouchParameters {
+        &self.parameters
+    }
+
+    /// Inductance of a coil without press at the temperature of calibration, H.
+    #[must_use]
+    pub fn inductance_at_rest_h(&self, coil: usize) -> Option<f64> {
+        Some(self.coils.get(coil)?.at_rest_h)
+    }
+
+    /// A new press by an indenter on a layer at rest. `drag` is the tangential traction at the contact
+    /// as shares of the pressure along x and y: an indenter that is pushed sideways. `run` numbers
+    /// presses of a sensor: each has its own noise.
+    ///
+    /// This computes the contacts of the indenter, in milliseconds to half a second (see the module).
+    #[must_use]
+    pub fn pressed_by(&self, indenter: &Indenter, drag: [f64; 2], run: u64) -> Pressing<'_> {
+        let layer = &self.parameters.layer;
+        let contacts = Contacts::new(layer, &self.heights, indenter, drag, GRID_BITS);
+        self.pressing(contacts, run)
+    }
+
+    fn pressing(&self, contacts: Contacts, run: u64) -> Pressing<'_> {
+        Pressing {
+            sensor: self,
+            contacts,
+            noise: Stream::named(self.parameters.seed, &format!("touch.noise.{run}")),
+            time_s: None,
+            force_n: 0.0,
+            modes_n: [0.0; MODES],
+        }
+    }
+
+    /// Inductance of a coil, H, with the layer as `pressed` at `place_m`.
+    fn inductance_h(
+        &self,
+        index: usize,
+        pressed: &Pressed,
+        place_m: [f64; 2],
+        around: &Surroundings,
+    ) -> Option<f64> {
+        let (coil, state) = (self.parameters.coils.get(index)?, self.coils.get(index)?);
+        let [x_m, y_m] = coil.coil.centre_m;
+        let [press_x_m, press_y_m] = place_m;
+        let grown_m = self.parameters.growth_m_per_k * around.warmer_k;
+        let moved = state.reading.samples().map(|sample| {
+            let mut moved =
+                pressed.moved(x_m + sample.x_m - press_x_m, y_m + sample.y_m - press_y_m);
+            moved.lower_m -= grown_m;
+            moved.upper_m -= grown_m;
+            moved
+        });
+        let moved: Vec<Moved> = moved.collect();
+        let gain = around.gains.get(index).copied().unwrap_or(1.0) * coil.gain;
+        let own_h = gain * state.reading.change_h(moved.iter().copied());
+        let idle_h: f64 = state
+            .idle
+            .iter()
+            .zip(&moved)
+            .map(|(per, moved)| per.lower_m * moved.lower_m + per.upper_m * moved.upper_m)
+            .sum();
+        let steel_h = around.steel_m.map_or(0.0, |steel_m| {
+            reflected_h(&coil.coil.design, STEEL, steel_m)
+        });
+        Some(state.at_rest_h + own_h + idle_h + steel_h)
+    }
+
+    /// Frequency of a coil's tank, Hz.
+    fn frequency_hz(&self, index: usize, inductance_h: f64, around: &Surroundings) -> f64 {
+        let p = &self.parameters;
+        let capacitance_f = p.coils.get(index).map_or(0.0, |coil| coil.capacitance_f)
+            * (1.0 + p.capacitance_per_kelvin * around.warmer_k);
+        1.0 / (TAU * libm::sqrt(inductance_h * capacitance_f))
+    }
+}
+
+/// Effect of the other coils, shorted, on a coil: L − Σ M²/L'. The constant part, H, and the part per
+/// displacement at the coil's samples, H/m, to first order.
+fn idle_coils(p: &TouchParameters, coils: &[CoilState], index: usize) -> (f64, Vec<Moved>) {
+    let (Some(own), Some(state)) = (p.coils.get(index), coils.get(index)) else {
+        return (0.0, Vec::new());
+    };
+    let mut offset_h = 0.0;
+    let mut sum = vec![Moved::default(); state.reading.samples().count()];
+    let others = p.coils.iter().zip(coils).enumerate();
+    for (_, (other, other_state)) in others.filter(|(other, _)| *other != index) {
+        let [x_m, y_m] = own.coil.centre_m;
+        let [other_x_m, other_y_m] = other.coil.centre_m;
+        let (to_x, to_y) = (other_x_m - x_m, other_y_m - y_m);
+        let mutual_h = mutual_h(&own.coil.design, libm::hypot(to_x, to_y));
+        let ratio = mutual_h / other_state.at_rest_h;
+        offset_h -= ratio * mutual_h;
+        let mutual = state.reading.mutual(&other_state.reading, to_x, to_y);
+        let others_own = state.reading.of_other(&other_state.reading, to_x, to_y);
+        for ((sum, mutual), others_own) in sum.iter_mut().zip(&mutual).zip(&others_own) {
+            sum.add(mutual, -2.0 * ratio);
+            sum.add(others_own, ratio * ratio);
+        }
+    }
+    (offset_h, sum)
+}
+
+/// Inductance by a wide plate of this reflection at a distance from the coil, H, as if there were no
+/// slab in between.
+fn reflected_h(design: &CoilDesign, reflection: f64, distance_m: f64) -> f64 {
+    let sum: f64 = panels(8, 16, 0.0, 18.0 / distance_m)
+        .iter()
+        .map(|&(k, weight)| {
+            let turns: f64 = design.radii_m().map(|a_m| a_m * libm::j1(k * a_m)).sum();
+            weight * turns * turns * libm::exp(-2.0 * k * distance_m)
+        })
+        .sum();
+    4e-7 * PI * PI * reflection * sum
+}
+
+/// A press that goes on: the layer creeps, so that its force depends on how fast it was pressed.
+///
+/// The layer is a Kelvin chain over the contact's elastic force, exact for a constant contact and for
+/// one that grows (Lee and Radok 1960); in unloading its rim is approximate. The dent that creep
+/// leaves moves with the indenter: material does not remember a contact that slid on.
+#[derive(Clone, Debug)]
+pub struct Pressing<'a> {
+    sensor: &'a TouchSensor,
+    contacts: Contacts,
+    noise: Stream,
+    time_s: Option<f64>,
+    /// Force at `time_s`, N.
+    force_n: f64,
+    /// Displacements of the creep's modes, as elastic forces, N.
+    modes_n: [f64; MODES],
+}
+
+impl Pressing<'_> {
+    /// Greatest depth that this indenter is computed for, m, a fifth of the layer's thickness or less;
+    /// deeper presses count as this one.
+    #[must_use]
+    pub fn deepest_m(&self) -> f64 {
+        self.contacts.deepest_m()
+    }
+
+    /// The next scan, which begins at `start_s`. `path` returns the press at a time; times rise.
+    pub fn scan(
+        &mut self,
+        start_s: f64,
+        sequence: &Sequence,
+        path: impl Fn(f64) -> Press,
+        around: &Surroundings,
+    ) -> Scan {
+        let count = self.sensor.coils.len();
+        let channels = count.min(4);
+        let middle_s = start_s + 0.5 * sequence.slot_s * channels as f64;
+        let mut scan = Scan {
+            coils: vec![
+                CoilReading {
+                    time_s: 0.0,
+                    frequency_hz: 0.0,
+                    inductance_h: 0.0
+                };
+                count
+            ],
+            truth: TouchTruth::default(),
+        };
+        for channel in 0..channels {
+            let time_s = start_s + sequence.slot_s * (channel as f64 + 0.5);
+            if time_s >= middle_s && scan.truth.time_s == 0.0 {
+                scan.truth = self.state(middle_s, &path, around).0;
+            }
+            let (truth, pressed) = self.state(time_s, &path, around);
+            let axis_m = path(truth.time_s).place_m;
+            // Both converters convert at the same time.
+            for (index, reading) in scan.coils.iter_mut().enumerate().skip(channel).step_by(4) {
+                let inductance_h = self.sensor.inductance_h(index, &pressed, axis_m, around);
+                let inductance_h = inductance_h.unwrap_or(0.0);
+                let true_hz = self.sensor.frequency_hz(index, inductance_h, around);
+                *reading = CoilReading {
+                    time_s,
+                    frequency_hz: true_hz * self.converted(sequence),
+                    inductance_h,
+                };
+            }
+        }
+        scan
+    }
+
+    /// Inductances of all coils at one time, H, without a converter, and the truth.
+    pub fn inductances_h(
+        &mut self,
+        time_s: f64,
+        press: &Press,
+        around: &Surroundings,
+    ) -> (Vec<f64>, TouchTruth) {
+        let (truth, pressed) = self.state(time_s, |_| *press, around);
+        let coils = 0..self.sensor.coils.len();
+        let inductances_h = coils.filter_map(|index| {
+            self.sensor
+                .inductance_h(index, &pressed, press.place_m, around)
+        });
+        (inductances_h.collect(), truth)
+    }
+
+    /// Factor of a reported frequency: clock and noise.
+    fn converted(&mut self, sequence: &Sequence) -> f64 {
+        let p = &self.sensor.parameters;
+        if p.white_noise_relative == 0.0 {
+            return 1.0 - p.reference_clock_error;
+        }
+        let white = p.white_noise_relative * libm::sqrt(1e-3 / sequence.conversion_s);
+        let rcount = sequence.conversion_s * sequence.reference_hz / 16.0;
+        let relative = libm::hypot(white, QUANTISATION / rcount);
+        1.0 - p.reference_clock_error + relative * self.noise.normal()
+    }
+
+    /// Advances the layer to a time.
+    fn state(
+        &mut self,
+        time_s: f64,
+        path: impl Fn(f64) -> Press,
+        around: &Surroundings,
+    ) -> (TouchTruth, Pressed) {
+        let p = &self.sensor.parameters;
+        let press = path(time_s);
+        let softer = libm::exp(p.modulus_per_kelvin * around.warmer_k);
+        let passed_s = self
+            .time_s
+            .map_or(0.0, |before_s| (time_s - before_s).max(0.0));
+        let compliances = p.creep.map(|mode| mode.amplitude);
+        let decays = p.creep.map(|mode| libm::exp(-passed_s / mode.tau_s));
+        let step = KelvinStep {
+            compliances: &compliances,
+            decays: &decays,
+            modes_m: &self.modes_n,
+            force_n: self.force_n,
+        };
+        let response = step.response(1.0);
+        let force_n = match press.demand {
+            Demand::Force(force_n) => force_n.max(0.0),
+            Demand::Depth(depth_m) => {
+                let [amplitude_m, hz, phase] = p.vibration;
+                let shaken_m = amplitude_m * libm::sin(TAU * hz * time_s + phase);
+                let elastic_n = softer * self.contacts.force_n(depth_m + shaken_m);
+                ((elastic_n - response.offset_m) / response.compliance_m_per_n).max(0.0)
+            }
+        };
+        let elastic_n = response.offset_m + response.compliance_m_per_n * force_n;
+        self.modes_n = step.modes_after(force_n);
+        self.force_n = force_n;
+        self.time_s = Some(time_s);
+        let pressed = self
+            .contacts
+            .pressed(self.contacts.depth_m(elastic_n / softer));
+        let ([x_m, y_m], [from_x_m, from_y_m]) = (press.place_m, pressed.centre_m);
+        let touches = force_n > 0.0;
+        let truth = TouchTruth {
+            time_s,
+            force_n,
+            place_m: if touches {
+                [x_m + from_x_m, y_m + from_y_m]
+            } else {
+                press.place_m
+            },
+            depth_m: pressed.depth_m,
+            radius_m: if touches { pressed.radius_m } else { 0.0 },
+        };
+        (truth, pressed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYER: Layer = Layer {
+        thickness_m: 5e-3,
+        shear_modulus_pa: 20e3,
+        poisson: 0.5,
+    };
+
+    fn ideal(layout: &Layout) -> TouchSensor {
+        TouchSensor::new(TouchParameters::ideal(layout, &LAYER))
+    }
+
+    fn at(place_m: [f64; 2], depth_m: f64) -> Press {
+        Press {
+            place_m,
+            demand: Demand::Depth(depth_m),
+        }
+    }
+
+    #[test]
+    fn a_press_in_the_centre_reads_alike_around_it() {
+        let sensor = ideal(&Layout::seven());
+        let mut ball = sensor.pressed_by(&Indenter::Ball { radius_m: 3e-3 }, [0.0; 2], 0);
+        let (found, _) = ball.inductances_h(0.0, &at([0.0; 2], 0.2e-3), &Surroundings::default());
+        let change = |index: usize| found[index] - sensor.inductance_at_rest_h(index).unwrap();
+        assert!(change(0) > 0.0);
+        for index in 2..7 {
+            assert!(
+                (change(index) - change(1)).abs() < 2e-4 * change(0),
+                "{index}"
+            );
+        }
+        println!("{:e} {:e}", change(0), change(1));
+    }
+}
