@@ -17,6 +17,7 @@ mod press;
 mod quadrature;
 mod round;
 mod sensor;
+mod timeline;
 
 pub use draw::{TouchCoil, TouchParameters};
 pub use grid::Demand;
@@ -26,3 +27,4 @@ pub use layout::{Coil, Layout};
 pub use sensor::{
     CoilReading, Press, Pressing, Scan, Sequence, Surroundings, TouchSensor, TouchTruth,
 };
+pub use timeline::Timeline;

@@ -390,6 +390,20 @@ impl Pressing<'_> {
         (inductances_h.collect(), truth)
     }
 
+    /// True frequencies of all coils at one time, Hz.
+    pub(super) fn frequencies_hz(
+        &mut self,
+        time_s: f64,
+        press: &Press,
+        around: &Surroundings,
+    ) -> Vec<f64> {
+        let (inductances_h, _) = self.inductances_h(time_s, press, around);
+        let coils = inductances_h.iter().enumerate();
+        coils
+            .map(|(index, &inductance_h)| self.sensor.frequency_hz(index, inductance_h, around))
+            .collect()
+    }
+
     /// Factor of a reported frequency: clock and noise.
     fn converted(&mut self, sequence: &Sequence) -> f64 {
         let p = &self.sensor.parameters;
@@ -460,6 +474,7 @@ impl Pressing<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mechanics::layer::CreepMode;
 
     const LAYER: Layer = Layer {
         thickness_m: 5e-3,
@@ -478,19 +493,188 @@ mod tests {
         }
     }
 
+    fn still() -> Surroundings {
+        Surroundings::default()
+    }
+
+    const BALL: Indenter = Indenter::Ball { radius_m: 3e-3 };
+
+    /// Changes of the inductances of a sensor by a press, H.
+    fn changes_h(sensor: &TouchSensor, contacts: Contacts, press: &Press) -> Vec<f64> {
+        let (found, _) = sensor
+            .pressing(contacts, 0)
+            .inductances_h(0.0, press, &still());
+        let rest = |index| sensor.inductance_at_rest_h(index).unwrap();
+        (0..found.len()).map(|i| found[i] - rest(i)).collect()
+    }
+
+    fn contacts(sensor: &TouchSensor) -> Contacts {
+        Contacts::new(&LAYER, &sensor.heights, &BALL, [0.0; 2], 6)
+    }
+
     #[test]
-    fn a_press_in_the_centre_reads_alike_around_it() {
+    fn readings_have_the_symmetry_of_the_layout() {
         let sensor = ideal(&Layout::seven());
-        let mut ball = sensor.pressed_by(&Indenter::Ball { radius_m: 3e-3 }, [0.0; 2], 0);
-        let (found, _) = ball.inductances_h(0.0, &at([0.0; 2], 0.2e-3), &Surroundings::default());
-        let change = |index: usize| found[index] - sensor.inductance_at_rest_h(index).unwrap();
-        assert!(change(0) > 0.0);
+        let table = contacts(&sensor);
+        let centre = changes_h(&sensor, table.clone(), &at([0.0; 2], 0.4e-3));
+        assert!(centre[0] > 0.0);
         for index in 2..7 {
             assert!(
-                (change(index) - change(1)).abs() < 2e-4 * change(0),
+                (centre[index] - centre[1]).abs() < 1e-3 * centre[0],
                 "{index}"
             );
         }
-        println!("{:e} {:e}", change(0), change(1));
+        // A press beside the second coil reads there as one as far beside the first.
+        let beside = changes_h(&sensor, table.clone(), &at([1e-3, 2e-3], 0.4e-3));
+        let moved = changes_h(&sensor, table, &at([7e-3, 2e-3], 0.4e-3));
+        assert!((moved[1] / beside[0] - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_grid_reads_as_the_integral_equation_over_the_array() {
+        let sensor = ideal(&Layout::three_around_one());
+        let round = contacts(&sensor);
+        let grid = Contacts::on_grid(&LAYER, &sensor.heights, &BALL, [0.0; 2], 7);
+        let largest = changes_h(&sensor, round.clone(), &at([0.0; 2], 0.5e-3))[0];
+        for place_m in [[0.0; 2], [3e-3, 1e-3], [-2e-3, 5e-3]] {
+            let press = at(place_m, 0.5e-3);
+            let one = changes_h(&sensor, round.clone(), &press);
+            let other = changes_h(&sensor, grid.clone(), &press);
+            for (one, other) in one.iter().zip(&other) {
+                println!(
+                    "{place_m:?}: {one:e} {other:e} {:e}",
+                    (one - other) / largest
+                );
+                assert!((one - other).abs() < 0.01 * largest, "{place_m:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_held_layer_relaxes_and_a_fast_press_is_harder() {
+        let mut parameters = TouchParameters::ideal(&Layout::three_around_one(), &LAYER);
+        parameters.coils.truncate(1);
+        let amplitudes = [(0.1, 0.2), (0.05, 20.0), (0.05, 400.0)];
+        parameters.creep = amplitudes.map(|(amplitude, tau_s)| CreepMode { amplitude, tau_s });
+        let sensor = TouchSensor::new(parameters);
+        let table = contacts(&sensor);
+        let elastic_n = table.force_n(0.3e-3);
+        let force_n = |rise_s: f64, held_s: f64| {
+            let mut pressing = sensor.pressing(table.clone(), 0);
+            let mut state = |time_s: f64| {
+                let depth_m = 0.3e-3 * (time_s / rise_s).min(1.0);
+                pressing
+                    .state(time_s, |_| at([0.0; 2], depth_m), &still())
+                    .0
+            };
+            for step in 0..=100 {
+                state(rise_s * 0.01 * f64::from(step));
+            }
+            for step in 1..=200 {
+                state(rise_s + 0.005 * held_s * f64::from(step));
+            }
+            state(rise_s + held_s).force_n
+        };
+        let [slow, fast, long] = [force_n(2.0, 0.0), force_n(0.02, 0.0), force_n(0.02, 1e4)];
+        assert!(
+            slow < 0.97 * fast && fast < elastic_n,
+            "{slow} {fast} {elastic_n}"
+        );
+        assert!(
+            (long * 1.2 / elastic_n - 1.0).abs() < 1e-4,
+            "{long} {elastic_n}"
+        );
+        // Under a constant force the depth is that of the force times 1 + the creep.
+        let mut pressing = sensor.pressing(table.clone(), 0);
+        let press = Press {
+            place_m: [0.0; 2],
+            demand: Demand::Force(0.1),
+        };
+        for step in 0..100 {
+            pressing.state(0.1 * f64::from(step) - 1.0, |_| press, &still());
+        }
+        let (truth, _) = pressing.state(1e5, |_| press, &still());
+        assert_eq!(truth.force_n, 0.1);
+        assert!((truth.depth_m / table.depth_m(0.12) - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_drawn_sensor_is_its_seed_and_has_the_noise_of_the_converter() {
+        let mut layout = Layout::seven();
+        layout.coils.truncate(5);
+        let draw = |seed| TouchParameters::draw(&layout, &LAYER, seed).unwrap();
+        assert_eq!(draw(3), draw(3));
+        assert_ne!(draw(3), draw(4));
+        let sensor = TouchSensor::draw(&layout, &LAYER, 3).unwrap();
+        let sequence = Sequence::of_rate(250.0, 4);
+        let mut pressing = sensor.pressed_by(&BALL, [0.0; 2], 1);
+        let scans: Vec<Scan> = (0..100)
+            .map(|scan| {
+                let lifted = |_| at([0.0; 2], -1e-3);
+                pressing.scan(4e-3 * f64::from(scan), &sequence, lifted, &still())
+            })
+            .collect();
+        // 0.018/RCOUNT with 0.9 ms at 40 MHz is 8e-6; white noise of 1e-6 at 1 ms adds little.
+        let relative: Vec<f64> = scans
+            .iter()
+            .map(|scan| scan.coils[2].frequency_hz / scans[0].coils[2].frequency_hz - 1.0)
+            .collect();
+        let mean = relative.iter().sum::<f64>() / 100.0;
+        let sigma = (relative.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 99.0).sqrt();
+        assert!((sigma / 8.07e-6 - 1.0).abs() < 0.2, "{sigma}");
+        let times: Vec<f64> = scans[1].coils.iter().map(|coil| coil.time_s).collect();
+        assert_eq!(
+            times[4], times[0],
+            "the second converter runs beside the first"
+        );
+        assert!((times[3] - times[0] - 3e-3).abs() < 1e-12);
+        assert!((scans[1].truth.time_s - 6e-3).abs() < 1e-12);
+        assert_eq!(scans[1].truth.force_n, 0.0);
+    }
+
+    #[test]
+    fn surroundings_change_what_they_should() {
+        let mut parameters = TouchParameters::draw(&Layout::three_around_one(), &LAYER, 5).unwrap();
+        parameters.vibration = [0.0; 3];
+        let alone = TouchSensor::new(TouchParameters {
+            idle_shorted: false,
+            ..parameters.clone()
+        });
+        let sensor = TouchSensor::new(parameters);
+        let table = contacts(&sensor);
+        let read = |around: &Surroundings, depth_m: f64| {
+            let mut pressing = sensor.pressing(table.clone(), 0);
+            let press = at([2e-3, 0.0], depth_m);
+            pressing.inductances_h(0.0, &press, around).0
+        };
+        let plain = [read(&still(), -1e-3), read(&still(), 0.3e-3)];
+        for (index, rest_h) in plain[0].iter().enumerate() {
+            // Currents in shorted coils oppose the field.
+            assert!(*rest_h < 0.999 * alone.inductance_at_rest_h(index).unwrap());
+        }
+        let steel = Surroundings {
+            steel_m: Some(15e-3),
+            ..still()
+        };
+        let [near, far] =
+            [15e-3, 30e-3].map(|d| reflected_h(&Layout::seven().coils[0].design, STEEL, d));
+        assert!(near < 4.0 * far && far < 0.0);
+        for (index, with_h) in read(&steel, 0.3e-3).iter().enumerate() {
+            assert!((with_h - plain[1][index] - near).abs() < 1e-15);
+        }
+        let gains = Surroundings {
+            gains: vec![1.03],
+            ..still()
+        };
+        let changed = read(&gains, 0.3e-3)[0] - plain[0][0];
+        let ratio = changed / (plain[1][0] - plain[0][0]);
+        assert!((ratio - 1.03).abs() < 3e-3, "{ratio}");
+        let warmer = Surroundings {
+            warmer_k: 10.0,
+            ..still()
+        };
+        // The gap grows, so every coil reads less.
+        let warm = read(&warmer, -1e-3);
+        assert!(warm.iter().zip(&plain[0]).all(|(warm, plain)| warm < plain));
     }
 }
