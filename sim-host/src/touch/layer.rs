@@ -141,7 +141,7 @@ mod tests {
     fn below_the_surface_the_base_is_at_rest_and_a_thick_layer_is_a_half_space() {
         let layer = layer(0.4);
         let k = 40.0 / layer.thickness_m;
-        assert_eq!(layer.response(k, 0.0).down_by_pressure.abs() < 1e-25, true);
+        assert!(layer.response(k, 0.0).down_by_pressure.abs() < 1e-25);
         for depth_m in [0.1e-3, 0.5e-3, 2e-3] {
             // Half-space (Johnson 1985, section 2.2 under a harmonic pressure).
             let x = k * depth_m;

@@ -8,6 +8,8 @@
 
 mod coil;
 pub mod draw;
+#[cfg(test)]
+mod edge;
 mod fft;
 mod grid;
 mod indenter;
