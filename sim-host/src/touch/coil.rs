@@ -446,6 +446,61 @@ mod tests {
         }
     }
 
+    /// Inductance by the image of the coil in a permeable half-space whose boundary is tilted about the
+    /// y axis, H: Neumann's integral over the turns and their mirror images.
+    fn mirrored_h(tilt_rad: f64) -> f64 {
+        let (sin, cos) = (tilt_rad.sin(), tilt_rad.cos());
+        let mirrored = |[x, y, z]: [f64; 3], height: f64| {
+            let twice = 2.0 * (x * sin + (z - height) * cos);
+            [x - twice * sin, y, z - twice * cos]
+        };
+        let points = 128;
+        let turns: Vec<([f64; 3], [f64; 3])> = COIL
+            .radii_m()
+            .flat_map(|a| {
+                (0..points).map(move |point| {
+                    let (sin, cos) = (TAU * f64::from(point) / f64::from(points)).sin_cos();
+                    let step = TAU * a / f64::from(points);
+                    ([a * cos, a * sin, 0.0], [-step * sin, step * cos, 0.0])
+                })
+            })
+            .collect();
+        let mut sum = 0.0;
+        for (there, along) in &turns {
+            let (there, along) = (mirrored(*there, COIL.gap_at_rest_m), mirrored(*along, 0.0));
+            for (here, step) in &turns {
+                let distance: f64 = (0..3).map(|i| (here[i] - there[i]).powi(2)).sum();
+                let scalar: f64 = (0..3).map(|i| along[i] * step[i]).sum();
+                sum += scalar / distance.sqrt();
+            }
+        }
+        2.7 / 4.7 * 1e-7 * sum
+    }
+
+    #[test]
+    fn a_tilted_boundary_is_that_of_mirror_images() {
+        // What the local gap leaves out: the square of the slope.
+        let thick = CoilDesign {
+            slab_m: 40e-3,
+            ..COIL
+        };
+        let reading = Reading::new(&thick);
+        let scale = even(&reading, 0.1e-3, 0.1e-3);
+        for tilt_rad in [0.02_f64, 0.04] {
+            let expected = mirrored_h(tilt_rad) - mirrored_h(0.0);
+            let moved = reading.samples().map(|sample| {
+                let w = tilt_rad.tan() * sample.x_m;
+                Moved {
+                    lower_m: w,
+                    upper_m: w,
+                }
+            });
+            let found = reading.change_h(moved);
+            println!("tilt {tilt_rad}: {expected:e} {found:e}, 0.1 mm: {scale:e}");
+            assert!((found - expected).abs() < 0.1 * expected);
+        }
+    }
+
     #[test]
     fn twice_the_rings_in_an_uneven_approach() {
         // A dome as of a ball beside the axis.

@@ -1,6 +1,7 @@
 //! A touch sensor: coils under a pressed layer, as a converter reads them.
 
 use core::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use super::coil::{Moved, Reading, mutual_h};
 use super::draw::TouchParameters;
@@ -209,10 +210,10 @@ impl TouchSensor {
     pub fn pressed_by(&self, indenter: &Indenter, drag: [f64; 2], run: u64) -> Pressing<'_> {
         let layer = &self.parameters.layer;
         let contacts = Contacts::new(layer, &self.heights, indenter, drag, GRID_BITS);
-        self.pressing(contacts, run)
+        self.pressing(Arc::new(contacts), run)
     }
 
-    fn pressing(&self, contacts: Contacts, run: u64) -> Pressing<'_> {
+    fn pressing(&self, contacts: Arc<Contacts>, run: u64) -> Pressing<'_> {
         Pressing {
             sensor: self,
             contacts,
@@ -313,7 +314,7 @@ fn reflected_h(design: &CoilDesign, reflection: f64, distance_m: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Pressing<'a> {
     sensor: &'a TouchSensor,
-    contacts: Contacts,
+    contacts: Arc<Contacts>,
     noise: Stream,
     time_s: Option<f64>,
     /// Force at `time_s`, N.
@@ -323,6 +324,12 @@ pub struct Pressing<'a> {
 }
 
 impl Pressing<'_> {
+    /// A new press by the same indenter on a layer at rest; takes no time.
+    #[must_use]
+    pub fn again(&self, run: u64) -> Self {
+        self.sensor.pressing(Arc::clone(&self.contacts), run)
+    }
+
     /// Greatest depth that this indenter is computed for, m, a fifth of the layer's thickness or less;
     /// deeper presses count as this one.
     #[must_use]
@@ -500,23 +507,24 @@ mod tests {
     const BALL: Indenter = Indenter::Ball { radius_m: 3e-3 };
 
     /// Changes of the inductances of a sensor by a press, H.
-    fn changes_h(sensor: &TouchSensor, contacts: Contacts, press: &Press) -> Vec<f64> {
-        let (found, _) = sensor
-            .pressing(contacts, 0)
-            .inductances_h(0.0, press, &still());
+    fn changes_h(sensor: &TouchSensor, contacts: &Arc<Contacts>, press: &Press) -> Vec<f64> {
+        let (found, _) =
+            sensor
+                .pressing(Arc::clone(contacts), 0)
+                .inductances_h(0.0, press, &still());
         let rest = |index| sensor.inductance_at_rest_h(index).unwrap();
         (0..found.len()).map(|i| found[i] - rest(i)).collect()
     }
 
-    fn contacts(sensor: &TouchSensor) -> Contacts {
-        Contacts::new(&LAYER, &sensor.heights, &BALL, [0.0; 2], 6)
+    fn contacts(sensor: &TouchSensor) -> Arc<Contacts> {
+        Arc::new(Contacts::new(&LAYER, &sensor.heights, &BALL, [0.0; 2], 6))
     }
 
     #[test]
     fn readings_have_the_symmetry_of_the_layout() {
         let sensor = ideal(&Layout::seven());
         let table = contacts(&sensor);
-        let centre = changes_h(&sensor, table.clone(), &at([0.0; 2], 0.4e-3));
+        let centre = changes_h(&sensor, &table, &at([0.0; 2], 0.4e-3));
         assert!(centre[0] > 0.0);
         for index in 2..7 {
             assert!(
@@ -525,8 +533,8 @@ mod tests {
             );
         }
         // A press beside the second coil reads there as one as far beside the first.
-        let beside = changes_h(&sensor, table.clone(), &at([1e-3, 2e-3], 0.4e-3));
-        let moved = changes_h(&sensor, table, &at([7e-3, 2e-3], 0.4e-3));
+        let beside = changes_h(&sensor, &table, &at([1e-3, 2e-3], 0.4e-3));
+        let moved = changes_h(&sensor, &table, &at([7e-3, 2e-3], 0.4e-3));
         assert!((moved[1] / beside[0] - 1.0).abs() < 1e-12);
     }
 
@@ -534,12 +542,18 @@ mod tests {
     fn the_grid_reads_as_the_integral_equation_over_the_array() {
         let sensor = ideal(&Layout::three_around_one());
         let round = contacts(&sensor);
-        let grid = Contacts::on_grid(&LAYER, &sensor.heights, &BALL, [0.0; 2], 7);
-        let largest = changes_h(&sensor, round.clone(), &at([0.0; 2], 0.5e-3))[0];
+        let grid = Arc::new(Contacts::on_grid(
+            &LAYER,
+            &sensor.heights,
+            &BALL,
+            [0.0; 2],
+            7,
+        ));
+        let largest = changes_h(&sensor, &round, &at([0.0; 2], 0.5e-3))[0];
         for place_m in [[0.0; 2], [3e-3, 1e-3], [-2e-3, 5e-3]] {
             let press = at(place_m, 0.5e-3);
-            let one = changes_h(&sensor, round.clone(), &press);
-            let other = changes_h(&sensor, grid.clone(), &press);
+            let one = changes_h(&sensor, &round, &press);
+            let other = changes_h(&sensor, &grid, &press);
             for (one, other) in one.iter().zip(&other) {
                 println!(
                     "{place_m:?}: {one:e} {other:e} {:e}",
