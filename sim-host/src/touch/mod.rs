@@ -1,7 +1,7 @@
 //! Touch: an elastic layer over several sensing coils, pressed anywhere.
 //!
 //! A rigid indenter presses a bonded layer of finite thickness without friction. The contact follows
-//! from the layer's compliance in the domain of wave numbers ([`layer`]): for balls and flat pins from
+//! from the layer's compliance in the domain of wave numbers ([`Layer`]): for balls and flat pins from
 //! an integral equation, for all other indenters by conjugate gradients on a grid. Each coil's
 //! inductance follows from the displacements of the magnetic elastomer's boundaries, weighted by the
 //! coil's own field there. Nothing here is shared with a model that estimates touches.
