@@ -1,4 +1,5 @@
-//! Simulated seconds per second: the plant alone, and with a converter at about 1 kHz.
+//! Simulated seconds per second: the plant alone, and with a converter at about 1 kHz. Time of a touch
+//! sensor, of its first press by an indenter, and of a scan.
 #![allow(missing_docs, reason = "divan's macro makes public items")]
 
 use core::cell::RefCell;
@@ -12,6 +13,9 @@ use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
+use palpate_sim::touch::{
+    Demand, Indenter, Layer, Layout, Press, Sequence, Surroundings, TouchSensor,
+};
 use palpate_sim::world::{Setup, SharedWorld, World};
 
 fn main() {
@@ -156,4 +160,50 @@ fn whole_board(bencher: Bencher<'_, '_>) {
             board.run_until(end).expect("the chip answers");
             board.take_records().len()
         });
+}
+
+fn touch_sensor() -> TouchSensor {
+    let layer = Layer {
+        thickness_m: 5e-3,
+        shear_modulus_pa: 20e3,
+        poisson: 0.5,
+    };
+    TouchSensor::draw(&Layout::seven(), &layer, 1).expect("the disturbances come with the crate")
+}
+
+const BALL: Indenter = Indenter::Ball { radius_m: 3e-3 };
+const TILTED: Indenter = Indenter::Tilted {
+    radius_m: 6e-3,
+    tilt_rad: 0.05,
+    toward_rad: 0.3,
+};
+
+/// Draws a sensor of seven coils.
+#[divan::bench]
+fn touch_draw() -> TouchSensor {
+    touch_sensor()
+}
+
+/// The first press by an indenter.
+#[divan::bench(args = [BALL, TILTED])]
+fn touch_first_press(bencher: Bencher<'_, '_>, indenter: &Indenter) {
+    let sensor = touch_sensor();
+    bencher.bench_local(|| sensor.pressed_by(indenter, [0.0; 2], 1).deepest_m());
+}
+
+/// A scan of seven coils.
+#[divan::bench]
+fn touch_scan(bencher: Bencher<'_, '_>) {
+    let sensor = touch_sensor();
+    let mut pressing = sensor.pressed_by(&BALL, [0.0; 2], 1);
+    let sequence = Sequence::of_rate(140.0, 4);
+    let press = Press {
+        place_m: [2e-3, 1e-3],
+        demand: Demand::Depth(0.3e-3),
+    };
+    let mut time_s = 0.0;
+    bencher.bench_local(|| {
+        time_s += 1.0 / 140.0;
+        pressing.scan(time_s, &sequence, |_| press, &Surroundings::default())
+    });
 }

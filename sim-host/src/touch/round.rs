@@ -51,6 +51,8 @@ pub(super) struct RoundSolver {
     layer: Layer,
     /// Wave numbers, 1/m, with the rule's weights times m, 1/m.
     waves: Vec<(f64, f64)>,
+    /// Rule on [0, 1].
+    angles: Vec<(f64, f64)>,
 }
 
 /// A contact.
@@ -85,7 +87,11 @@ impl RoundSolver {
             .iter()
             .map(|&(k, weight)| (k, weight * layer.reduction(k)))
             .collect();
-        Self { layer, waves }
+        Self {
+            layer,
+            waves,
+            angles: gauss(16, 0.0, 1.0),
+        }
     }
 
     /// The layer.
@@ -158,17 +164,13 @@ impl RoundSolver {
 
     /// χ at the rim from the integral equation, for the face that `chi` was solved for.
     fn at_rim(&self, system: &System, chi: &[f64], face_m: f64) -> f64 {
-        let transform = |k: f64| -> f64 {
-            let nodes = system.rule.iter().zip(chi);
-            nodes
-                .map(|(&(t, weight), x)| weight * x * libm::cos(k * t))
-                .sum()
-        };
-        let waves = self.waves.iter();
+        let waves = self.waves.iter().zip(&system.cosines);
         let integral: f64 = waves
-            .map(|&(k, m)| m * libm::cos(k * system.radius_m) * transform(k))
+            .map(|(&(k, _), (factor, cosines))| {
+                factor * libm::cos(k * system.radius_m) * system.product(chi, cosines)
+            })
             .sum();
-        system.scale_pa_per_m * face_m - FRAC_2_PI * integral
+        system.scale_pa_per_m * face_m - integral
     }
 
     /// Downward displacement of the surface at the distance `r_m` from the axis, m.
@@ -177,9 +179,11 @@ impl RoundSolver {
             return contact.depth_m - contact.face.height_m(r_m);
         }
         // Half-space: ∫₀ᵃ χ(t)/√(r² − t²) dt with t = r sin θ.
-        let half_space: f64 = gauss(16, 0.0, libm::asin(contact.radius_m / r_m))
+        let last = libm::asin(contact.radius_m / r_m);
+        let half_space: f64 = self
+            .angles
             .iter()
-            .map(|&(angle, weight)| weight * contact.chi_pa(r_m * libm::sin(angle)))
+            .map(|&(share, weight)| last * weight * contact.chi_pa(r_m * libm::sin(last * share)))
             .sum();
         let waves = self.waves.iter().zip(&contact.transforms);
         let layer: f64 = waves

@@ -98,7 +98,7 @@ pub struct Scan {
 }
 
 /// One reading of a coil.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CoilReading {
     /// Middle of the conversion, s.
     pub time_s: f64,
@@ -348,26 +348,17 @@ impl Pressing<'_> {
         let count = self.sensor.coils.len();
         let channels = count.min(4);
         let middle_s = start_s + 0.5 * sequence.slot_s * channels as f64;
-        let mut scan = Scan {
-            coils: vec![
-                CoilReading {
-                    time_s: 0.0,
-                    frequency_hz: 0.0,
-                    inductance_h: 0.0
-                };
-                count
-            ],
-            truth: TouchTruth::default(),
-        };
+        let mut truth = None;
+        let mut coils = vec![CoilReading::default(); count];
         for channel in 0..channels {
             let time_s = start_s + sequence.slot_s * (channel as f64 + 0.5);
-            if time_s >= middle_s && scan.truth.time_s == 0.0 {
-                scan.truth = self.state(middle_s, &path, around).0;
+            if truth.is_none() && time_s >= middle_s {
+                truth = Some(self.state(middle_s, &path, around).0);
             }
-            let (truth, pressed) = self.state(time_s, &path, around);
-            let axis_m = path(truth.time_s).place_m;
+            let (_, pressed) = self.state(time_s, &path, around);
+            let axis_m = path(time_s).place_m;
             // Both converters convert at the same time.
-            for (index, reading) in scan.coils.iter_mut().enumerate().skip(channel).step_by(4) {
+            for (index, reading) in coils.iter_mut().enumerate().skip(channel).step_by(4) {
                 let inductance_h = self.sensor.inductance_h(index, &pressed, axis_m, around);
                 let inductance_h = inductance_h.unwrap_or(0.0);
                 let true_hz = self.sensor.frequency_hz(index, inductance_h, around);
@@ -378,7 +369,10 @@ impl Pressing<'_> {
                 };
             }
         }
-        scan
+        Scan {
+            coils,
+            truth: truth.unwrap_or_default(),
+        }
     }
 
     /// Inductances of all coils at one time, H, without a converter, and the truth.
