@@ -149,6 +149,7 @@ impl TouchParameters {
             let [x_m, y_m] = coil.centre_m;
             let mut design = coil.design;
             design.gap_at_rest_m *= own(&GAP, "gap");
+            design.slab_m *= thicker;
             TouchCoil {
                 coil: Coil {
                     centre_m: [x_m + own(&PLACE_M, "x"), y_m + own(&PLACE_M, "y")],

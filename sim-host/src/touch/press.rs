@@ -41,6 +41,27 @@ pub(super) struct Heights {
     pub(super) upper_m: f64,
 }
 
+/// Distance below the surface from which on a boundary counts as the surface, in thicknesses. Closer
+/// ones would need shorter waves than the pressure of a round contact has nodes for.
+const SKIN: f64 = 0.05;
+
+impl Heights {
+    /// Boundaries at these heights in a layer.
+    pub(super) fn new(layer: &Layer, lower_m: f64, upper_m: f64) -> Self {
+        let snapped = |height_m: f64| {
+            if height_m > (1.0 - SKIN) * layer.thickness_m {
+                layer.thickness_m
+            } else {
+                height_m
+            }
+        };
+        Self {
+            lower_m: snapped(lower_m),
+            upper_m: snapped(upper_m),
+        }
+    }
+}
+
 /// Contacts of one indenter with one layer, over a coordinate from 0 at first touch to 1.
 #[derive(Clone, Debug)]
 pub(super) struct Contacts {

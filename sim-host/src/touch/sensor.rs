@@ -178,10 +178,8 @@ impl TouchSensor {
             .coils
             .first()
             .map_or(0.0, |coil| coil.coil.design.slab_m);
-        let heights = Heights {
-            lower_m: parameters.boundary_m,
-            upper_m: parameters.boundary_m + slab_m,
-        };
+        let lower_m = parameters.boundary_m;
+        let heights = Heights::new(&parameters.layer, lower_m, lower_m + slab_m);
         Self {
             parameters,
             heights,
@@ -556,6 +554,30 @@ mod tests {
                 assert!((one - other).abs() < 0.01 * largest, "{place_m:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_coil_under_the_layer_reads_less() {
+        let mut layout = Layout::three_around_one();
+        layout.coils.truncate(1);
+        let press = at([1e-3, 0.0], 0.3e-3);
+        let read = |layout: &Layout| {
+            let mut parameters = TouchParameters::draw(layout, &LAYER, 9).unwrap();
+            parameters.vibration = [0.0; 3];
+            let sensor = TouchSensor::new(parameters);
+            let layer = sensor.parameters.layer;
+            let table = Contacts::new(&layer, &sensor.heights, &BALL, [0.0; 2], 6);
+            (changes_h(&sensor, &Arc::new(table), &press)[0], sensor)
+        };
+        let (on_surface_h, _) = read(&layout);
+        layout.boundary_m = 3e-3;
+        layout.coils[0].design.gap_at_rest_m = 3.6e-3;
+        let (below_h, sensor) = read(&layout);
+        // The slab ends at the surface of the drawn layer, whatever its thickness.
+        assert_eq!(sensor.heights.upper_m, sensor.parameters.layer.thickness_m);
+        let ratio = below_h / on_surface_h;
+        println!("{on_surface_h:e} {below_h:e} {ratio}");
+        assert!((0.01..0.2).contains(&ratio), "{ratio}");
     }
 
     #[test]
