@@ -29,8 +29,9 @@ const MU_0: f64 = 4e-7 * PI;
 /// Terms of the series in the approach.
 const TERMS: usize = 10;
 
-/// Directions in which each ring around the coil is sampled.
-const ANGLES: u32 = 48;
+/// Panels of rings over the turns, and directions in which each ring is sampled.
+const PANELS: u32 = 3;
+const ANGLES: u32 = 72;
 
 /// Distance of two layers of copper on a board, m (0.2 mm, a common prepreg; guess).
 const LAYERS_APART_M: f64 = 0.2e-3;
@@ -68,6 +69,8 @@ pub(super) struct Reading {
     /// Fields at both boundaries at rest, in equal steps of the radius from half a step on.
     fields: Vec<[Field; 2]>,
     step_m: f64,
+    /// Directions of the samples of a ring.
+    angles: u32,
     relative_permeability: f64,
 }
 
@@ -112,11 +115,11 @@ impl Reading {
     /// Readings of a coil under a slab (`gap_at_rest_m` and `slab_m` of the design; its sides are
     /// not used).
     pub(super) fn new(design: &CoilDesign) -> Self {
-        Self::with_rings(design, 3)
+        Self::sampled(design, PANELS, ANGLES)
     }
 
-    /// Readings with this many panels of rings over the turns.
-    fn with_rings(design: &CoilDesign, count: u32) -> Self {
+    /// Readings with this many panels of rings over the turns, and directions.
+    fn sampled(design: &CoilDesign, count: u32, angles: u32) -> Self {
         let gap_m = design.gap_at_rest_m;
         let least_m = (LEAST_GAP_PITCHES * design.pitch_m()).max(0.1e-3);
         let towards_m = (gap_m - least_m).min(TOWARDS_M);
@@ -127,7 +130,7 @@ impl Reading {
         let mut radii = panels(count, 16, 0.0, 1.5 * outer_m);
         radii.extend(panels(1, 16, 1.5 * outer_m, REACH * outer_m));
         let ring = |&(r_m, weight_m): &(f64, f64)| {
-            let area_m2 = TAU / f64::from(ANGLES) * r_m * weight_m;
+            let area_m2 = TAU / f64::from(angles) * r_m * weight_m;
             let step_m = 0.02 * design.slab_m;
             let thin_design = CoilDesign {
                 slab_m: design.slab_m - step_m,
@@ -165,6 +168,7 @@ impl Reading {
             half_m,
             fields: (0..FIELDS).map(field).collect(),
             step_m,
+            angles,
             relative_permeability: design.relative_permeability,
         }
     }
@@ -207,8 +211,8 @@ impl Reading {
 
     /// Areas of the samples, m².
     fn areas_m2(&self) -> impl Iterator<Item = f64> + '_ {
-        let rings = self.rings.iter();
-        rings.flat_map(|ring| (0..ANGLES).map(move |_| ring.area_m2))
+        let (rings, angles) = (self.rings.iter(), self.angles);
+        rings.flat_map(move |ring| (0..angles).map(move |_| ring.area_m2))
     }
 
     /// Change of another coil's own inductance, as [`Self::mutual`].
@@ -227,9 +231,10 @@ impl Reading {
 
     /// Places at which [`Self::change_h`] asks for displacements, in its order.
     pub(super) fn samples(&self) -> impl Iterator<Item = Sample> + '_ {
-        self.rings.iter().flat_map(|ring| {
-            (0..ANGLES).map(move |index| {
-                let angle = TAU / f64::from(ANGLES) * (f64::from(index) + 0.5);
+        let angles = self.angles;
+        self.rings.iter().flat_map(move |ring| {
+            (0..angles).map(move |index| {
+                let angle = TAU / f64::from(angles) * (f64::from(index) + 0.5);
                 Sample {
                     x_m: ring.r_m * libm::cos(angle),
                     y_m: ring.r_m * libm::sin(angle),
@@ -244,7 +249,7 @@ impl Reading {
         let rings = self
             .rings
             .iter()
-            .flat_map(|ring| (0..ANGLES).map(move |_| ring));
+            .flat_map(|ring| (0..self.angles).map(move |_| ring));
         rings
             .zip(moved)
             .map(|(ring, moved)| {
@@ -424,6 +429,9 @@ pub(super) fn mutual_h(design: &CoilDesign, apart_m: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::indenter::Indenter;
+    use super::super::layer::Layer;
+    use super::super::press::{Contacts, Heights};
     use super::*;
     use crate::sensing_coil::Sides;
     use crate::sensing_coil::integral::CoilIntegral;
@@ -533,7 +541,7 @@ mod tests {
     fn twice_the_rings_in_an_uneven_approach() {
         // A dome as of a ball beside the axis.
         let [coarse, fine] = [3, 6].map(|count| {
-            let reading = Reading::with_rings(&COIL, count);
+            let reading = Reading::sampled(&COIL, count, ANGLES);
             let moved = reading.samples().map(|sample| {
                 let square = (sample.x_m - 3e-3).powi(2) + (sample.y_m - 1e-3).powi(2);
                 let w = 0.3e-3 * (-square / 6e-6).exp();
@@ -546,6 +554,35 @@ mod tests {
         });
         println!("{coarse:e} {fine:e}");
         assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn small_contacts_are_sampled_finely_enough() {
+        let layer = Layer {
+            thickness_m: 5e-3,
+            shear_modulus_pa: 20e3,
+            poisson: 0.5,
+        };
+        let surface = Heights::new(&layer, 5e-3, 7e-3);
+        let [coarse, fine] = [(PANELS, ANGLES), (9, 144)]
+            .map(|(rings, angles)| Reading::sampled(&COIL, rings, angles));
+        for (indenter, most) in [
+            (Indenter::Pin { radius_m: 1e-3 }, 3e-3),
+            (Indenter::Ball { radius_m: 3e-3 }, 3e-3),
+        ] {
+            let contacts = Contacts::new(&layer, &surface, &indenter, [0.0; 2], 6);
+            let pressed = contacts.pressed(0.3e-3);
+            let change_h = |reading: &Reading, x_m: f64| {
+                let samples = reading.samples();
+                reading.change_h(samples.map(|at| pressed.moved(at.x_m - x_m, at.y_m - 0.4 * x_m)))
+            };
+            let largest_h = change_h(&fine, 0.0);
+            for x_m in [0.0, 1.3e-3, 2.9e-3, 4.4e-3, 6.1e-3, 9e-3] {
+                let error = (change_h(&coarse, x_m) - change_h(&fine, x_m)) / largest_h;
+                println!("{indenter:?} {x_m:e}: {error:e}");
+                assert!(error.abs() < most, "{indenter:?} {x_m}: {error}");
+            }
+        }
     }
 
     #[test]
