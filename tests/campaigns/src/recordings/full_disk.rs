@@ -7,11 +7,11 @@ use palpate_cli::failure::Failure;
 
 use super::found;
 use super::part::Part;
-use crate::tool::Tool;
+use crate::tool::{TOOL, Tool};
 
 /// Script that makes the file system, records there until it is full, and keeps the result.
 const SCRIPT: &str = "mkdir \"$1/small\" && mount -t tmpfs -o size=1m tmpfs \"$1/small\" || exit 99
-\"$0\" record \"$1/small/full.mcap\" --board emulated --state \"$1/full.flash\" --image \"$2\" --for 60; code=$?
+\"$0\" \"$3\" record \"$1/small/full.mcap\" --board emulated --state \"$1/full.flash\" --image \"$2\" --for 60; code=$?
 cp \"$1/small/full.mcap.partial\" \"$1/left.mcap\" && exit $code";
 /// Exit code of the script if such a file system is not available.
 const NO_FILE_SYSTEM: i32 = 99;
@@ -21,7 +21,7 @@ pub(super) fn run(tool: &Tool) -> Result<Part, Failure> {
         .args(["--user", "--map-root-user", "--mount", "sh", "-c", SCRIPT])
         .arg(env::current_exe()?)
         .arg(tool.path(""))
-        .arg(tool.image())
+        .args([tool.image().as_str(), TOOL])
         .output()
         .map_err(|error| Failure::Refused(format!("unshare (util-linux): {error}")))?;
     let said = String::from_utf8_lossy(&output.stderr);
