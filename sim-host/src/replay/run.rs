@@ -137,7 +137,7 @@ impl Run {
 
     fn scan(&mut self, middle: Instant, sample: &Sample, followers: &[Frame<Record>]) {
         let edge = Instant::from_ticks(middle.as_ticks() + self.before_edge.as_ticks());
-        // The status in this step has the temperature at the start of a measurement.
+        // The status in this step has the temperature at the start of a touch or of a measurement.
         let temperature_c = followers.iter().find_map(|frame| match &frame.message {
             Record::Status(status) => status.temperature_c,
             _ => None,

@@ -10,6 +10,7 @@ mod readings;
 mod state;
 mod storage;
 
+use palpate_model::contact::Touch;
 use palpate_model::units::{Celsius, Hertz, Second};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Part, ResetCause, State};
@@ -19,7 +20,7 @@ use crate::action::{Action, Actions};
 use crate::board::{BoardInfo, MOST_CRASHES};
 use crate::boot;
 use crate::configuration::{Configuration, ITEMS};
-use crate::deformation::Follower;
+use crate::deformation::{Deformation, Follower};
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
 use crate::link::Link;
@@ -360,6 +361,12 @@ impl Procedure {
             && let Some((at, record)) = streamer.push(scan, &deformations, settings, springs)
         {
             out.record_of(at, record);
+        }
+        // The zero of a touch depends on the temperature, which this status contains: the records have
+        // all inputs of a deformation, so that it can be recomputed from them.
+        let begins = |of: &Deformation| matches!(of.touch, Touch::Began { .. });
+        if deformations.iter().flatten().any(begins) {
+            out.record(Record::Status(self.status()));
         }
         self.take_account(scan, out.now);
         if sensor == 0 {

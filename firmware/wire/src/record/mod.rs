@@ -47,7 +47,7 @@ messages! {
             Refusal(Refusal) = 0x08 "refusal",
             /// A fault.
             Fault(Fault) = 0x09 "fault",
-            /// At the interval `status_period_s` of the settings, and after `identify`.
+            /// At the interval `status_period_s` of the settings, after `identify`, and when a touch or a measurement begins.
             Status(Status) = 0x0A "status",
             /// Answer to every whole command frame.
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
