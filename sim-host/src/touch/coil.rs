@@ -433,18 +433,8 @@ mod tests {
     use super::super::layer::Layer;
     use super::super::press::{Contacts, Heights};
     use super::*;
-    use crate::sensing_coil::Sides;
     use crate::sensing_coil::integral::CoilIntegral;
-
-    const COIL: CoilDesign = CoilDesign {
-        outer_diameter_m: 13.5e-3,
-        inner_diameter_m: 3.5e-3,
-        turns: 10,
-        sides: Sides::One,
-        slab_m: 2e-3,
-        gap_at_rest_m: 0.6e-3,
-        relative_permeability: 3.7,
-    };
+    use crate::touch::layout::WINDING as COIL;
 
     fn even(reading: &Reading, lower_m: f64, upper_m: f64) -> f64 {
         reading.change_h(reading.samples().map(|_| Moved { lower_m, upper_m }))
