@@ -236,10 +236,10 @@ mod tests {
         }
     }
 
-    /// A current that starts to rise within a block. The error of its sum over a window is below
-    /// 0.036 of the rise in a block times the block's length, 0.076 if the window ends in the last
-    /// whole block, and 0.68 in a block that is not whole yet. If the current counted as constant
-    /// within a block, the errors would be 0.125, 0.125 and 0.91.
+    /// A current that starts to rise within a block. In units of (rise in a block) x (length of a
+    /// block), the error of its sum over a window is below 0.036, below 0.076 if the window ends in the
+    /// last whole block, and below 0.68 if it ends in an incomplete block. If the current counted as
+    /// constant within a block, the errors would be 0.125, 0.125 and 0.91.
     #[test]
     fn a_corner_within_a_block_is_followed() {
         for corner in 480..512 {

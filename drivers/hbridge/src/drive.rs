@@ -119,9 +119,9 @@ pub struct Drive {
     twice_zero: i32,
     /// -1 if the current measurement is reversed, otherwise 0.
     sign: i32,
-    /// Smallest sample that does not trip, and (`range`) how far above it a sample may be without a
-    /// trip.
+    /// Smallest sample that does not trip.
     least: i32,
+    /// How far a sample may be above `least` without a trip.
     range: u32,
     /// Measured current of the period.
     measured: i32,
@@ -137,8 +137,9 @@ pub struct Drive {
     regulator: Regulator,
     gains: Gains,
     // The fields from here on are needed in few periods only.
-    /// Number of periods that the bridge needs to wake, and (`waking`) how many of them are left.
+    /// Number of periods that the bridge needs to wake.
     wake_periods: u16,
+    /// Number of periods left until the bridge is awake.
     waking: u16,
     correction: Correction,
     next: RawLine,

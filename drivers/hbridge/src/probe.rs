@@ -83,9 +83,9 @@ pub(crate) struct Probe {
     setpoint: i32,
     /// Sums of currents and of levels, and number of blocks, at the start of the stage.
     since: (i32, i32, u32),
-    /// Lowest and highest of the means that count as equal, and (`turns`) for how many turns the
-    /// means have been equal.
+    /// Lowest and highest of the means that count as equal.
     range: Option<[f32; 2]>,
+    /// Number of turns for which the means have been equal.
     turns: u8,
     /// Whether the level was at its maximum while the current was raised.
     at_top: bool,

@@ -36,9 +36,9 @@ pub struct Supervisor {
     /// Supply, V, and resistance, ohm, for which the present control law was computed.
     made_for: (f32, f32),
     account: Account,
-    /// Sum of level times current at the last poll, and (`seen`) the sums from which the next value
-    /// of the resistance is computed.
+    /// Sum of level times current at the last poll.
     power: i64,
+    /// Sums from which the next value of the resistance is computed.
     seen: (i32, i32, u32),
     resistance_ohm: Option<f32>,
     source: SupplyModel,

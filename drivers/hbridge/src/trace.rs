@@ -10,9 +10,9 @@ use crate::hardware::Hardware;
 pub struct Trace<const N: usize> {
     units: [AtomicI16; N],
     taken: AtomicU32,
-    /// Number of periods between two recorded currents, and (`left`) periods left until the next
-    /// one.
+    /// Number of periods between two recorded currents.
     every: AtomicU32,
+    /// Number of periods until the next recorded current.
     left: AtomicU32,
 }
 

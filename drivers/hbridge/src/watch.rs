@@ -30,7 +30,7 @@ pub(crate) struct Bounds {
     pub(crate) on_periods: u32,
 }
 
-/// Sums over the block so far, and (`periods`) its number of periods so far.
+/// Sums over the present block, and the number of its periods that have passed (`periods`).
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct BlockSums {

@@ -149,7 +149,7 @@ impl DividedSignal {
         }
     }
 
-    /// The same signal in half periods of the sensor and half periods of the reference.
+    /// This signal in units of half periods of the sensor and of the reference.
     fn in_halves(&self) -> Self {
         Self {
             phase: 2.0 * self.phase,

@@ -160,7 +160,7 @@ pub enum BurstRead {
     /// 0xFF, since the chip releases the bus (E2E 796435: "just yields a NACK").
     #[default]
     Released,
-    /// The same two bytes again.
+    /// The register's two bytes again.
     Repeats,
     /// The bytes of the next register.
     AutoIncrement,

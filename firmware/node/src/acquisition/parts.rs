@@ -31,8 +31,8 @@ const TURN_US: i32 = 40;
 /// Registers read in one transaction.
 #[derive(Clone, Copy, Debug, Default)]
 struct Part {
-    /// Latest start after the edge, in microseconds, at which every word is still latched before its
-    /// channel's next conversion ends.
+    /// Latest time to start reading the part, in microseconds after the edge of INTB: every word is then
+    /// still latched before its channel's next conversion overwrites it.
     slack_us: i32,
     /// Duration of the part's bits on the bus, in microseconds.
     length_us: i32,

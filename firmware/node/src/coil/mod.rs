@@ -106,8 +106,8 @@ impl<H: CoilHardware> CoilManager<H> {
 
     // ---- requests ----
 
-    /// Lets the current follow a line. Ignores the line while a failure is latched, which the procedure
-    /// may not have received before its request.
+    /// Lets the current follow a line. Ignores the line while a failure is latched: the procedure may have
+    /// made its request before it received the failure.
     pub fn follow(&mut self, line: &CurrentLine) {
         if self.failure.is_some() {
             return;

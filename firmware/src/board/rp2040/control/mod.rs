@@ -91,8 +91,8 @@ struct Control {
 
 struct ControlCell(UnsafeCell<MaybeUninit<Control>>);
 
-// SAFETY: `start` writes it and then sets `IS_STARTED`. Then the interrupt, which cannot run before,
-// uses it, and tasks use it while the interrupt is masked: `masked_for`.
+// SAFETY: `start` writes the cell before it sets `IS_STARTED`, and the interrupt cannot run before that.
+// After that the interrupt uses the cell, and tasks use it only while the interrupt is masked: `masked_for`.
 unsafe impl Sync for ControlCell {}
 
 static CONTROL: ControlCell = ControlCell(UnsafeCell::new(MaybeUninit::uninit()));
