@@ -109,8 +109,8 @@ impl Rig {
         Self::warmer(parameters, switches, specimen, 0.0)
     }
 
-    /// The same bench, specimens and gauges at `warmer_k` kelvin above the temperature of
-    /// calibration, with other noise.
+    /// Creates the bench with the specimens and gauges of [`Rig::new`] at `warmer_k` kelvin above the
+    /// temperature of calibration, with other noise.
     ///
     /// # Errors
     /// As [`Rig::new`].

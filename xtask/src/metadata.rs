@@ -50,9 +50,10 @@ pub(crate) struct Target {
     /// Root of its source.
     #[cfg(test)]
     pub(crate) src_path: PathBuf,
-    /// Whether cargo runs the target's tests, and (`doctest`) those of its documentation.
+    /// Whether cargo runs the target's tests.
     #[cfg(test)]
     pub(crate) test: bool,
+    /// Whether cargo runs the tests of the target's documentation.
     #[cfg(test)]
     pub(crate) doctest: bool,
 }

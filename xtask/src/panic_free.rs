@@ -13,10 +13,11 @@ use crate::process::{Invocation, Workspace};
 /// Target for which the program is linked.
 pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
 
-/// The program: an example that calls every public method of the driver. Then its package, and the
-/// folder of the memory map.
+/// Example that is linked: it calls every public method of the driver.
 const PROGRAM: &str = "every_method";
+/// Package of the example.
 const PACKAGE: &str = "ldc161x";
+/// Folder of the memory map.
 const FOLDER: &str = "drivers/ldc161x/examples";
 
 /// Parts of names by which all panic functions are found, in either mangling scheme.

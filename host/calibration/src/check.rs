@@ -123,8 +123,9 @@ struct Filter {
     whole: f64,
     /// Error of the measured kappa; positive where it is too small.
     error: f64,
-    /// Variance of `error`, and (`own`) the part of it that press and spring contribute.
+    /// Variance of `error`.
     variance: f64,
+    /// Part of `variance` that press and spring contribute.
     own: f64,
     /// Share of `error` that is attributed to the signal.
     gain: f64,

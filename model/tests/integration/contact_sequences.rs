@@ -29,8 +29,9 @@ struct Layer {
     kelvin_per_s: f64,
     start_k: f64,
     time_s: f64,
-    /// Creep left by earlier touches, and (`creep_m`) creep of the current touch, m, for each mode.
+    /// Creep left by earlier touches, m, for each mode.
     left_m: [f64; 3],
+    /// Creep of the current touch, m, for each mode.
     creep_m: [f64; 3],
 }
 
@@ -345,7 +346,7 @@ fn a_touch_outlasts_an_interruption() {
         bench.detector.resume(watch());
         assert!(bench.lie(0.25e-3, 2.0), "{seed}");
         bench.judge();
-        // The same interruption while the sensor is untouched and recovers.
+        // The detector is interrupted once more, while the untouched sensor recovers.
         bench.wait(1.0);
         bench.detector.resume(watch());
         bench.wait(3.0);

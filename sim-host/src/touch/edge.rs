@@ -147,7 +147,8 @@ fn pressed(factor: &[[f64; BAND]], place: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The same of a layer without ends, at a distance from the middle of the pressure, m.
+/// Downward displacement of the surface of an endless layer, m, at a distance from the middle of the
+/// pressure, m.
 fn endless_m(x_m: f64) -> f64 {
     let waves = super::quadrature::panels(60, 16, 0.0, 2e4);
     let integral: f64 = waves

@@ -80,10 +80,10 @@ impl GridSolver {
         self.period_m / self.size() as f64
     }
 
-    /// Length by which sharp edges are moved outwards, m. A cell counts as in contact as a whole, and
-    /// the pressure rises towards an edge: the force is that of an edge 0.14 of a cell further in than
-    /// a circle of the area of the cells (pins of 2 to 4 mm on grids of 0.2 and 0.4 mm). What remains
-    /// is the staircase of the cells, a quarter of a cell at most.
+    /// Length by which sharp edges are moved outwards, m. Each cell is in contact as a whole or not at
+    /// all, and the pressure rises towards an edge. So the force is that of a circle with the area of
+    /// the cells whose edge is 0.14 of a cell further in (pins of 2 to 4 mm on grids of 0.2 and 0.4 mm).
+    /// The remaining error is the staircase of the cells, a quarter of a cell at most.
     pub(super) fn edge_m(&self) -> f64 {
         0.14 * self.cell_m()
     }

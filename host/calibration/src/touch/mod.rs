@@ -49,13 +49,13 @@ pub struct Design {
 /// Standard errors of the bench.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bench {
-    /// Of x and of y of a press, independent from press to press, m.
+    /// Standard error of x and of y of a press, independent from press to press, m.
     pub place_m: f64,
-    /// Of a force, relative, independent from press to press.
+    /// Relative standard error of a force, independent from press to press.
     pub force: f64,
-    /// Of a contact radius, relative, independent from press to press.
+    /// Relative standard error of a contact radius, independent from press to press.
     pub radius: f64,
-    /// Common to all presses.
+    /// Standard errors that are common to all presses.
     pub common: CommonError,
 }
 

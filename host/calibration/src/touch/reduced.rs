@@ -23,20 +23,20 @@ pub struct ReadingError {
 /// Standard uncertainty that is common to all coils.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommonError {
-    /// Of x and of y, m.
+    /// Standard uncertainty of x and of y, m.
     pub place_m: f64,
-    /// Of ln F.
+    /// Standard uncertainty of ln F, with the force F.
     pub ln_force: f64,
-    /// Of ln a.
+    /// Standard uncertainty of ln a, with the contact radius a.
     pub ln_radius: f64,
 }
 
 /// Greatest standard errors that the calibration may add to a press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
-    /// Of x and of y, m.
+    /// Greatest standard error of x and of y, m.
     pub place_m: f64,
-    /// Of ln F.
+    /// Greatest standard error of ln F, with the force F.
     pub ln_force: f64,
 }
 

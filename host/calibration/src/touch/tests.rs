@@ -320,7 +320,7 @@ fn bad_presses_are_named_with_their_cause() {
     };
     assert!((2.0 * force_n / presses[12].force_n - 1.0).abs() < 0.05);
     assert_eq!(causes[2], Cause::Unknown, "{causes:?}");
-    // The same calibration as without them, within its errors.
+    // Without the three bad presses the calibration is the same, within its errors.
     let good = presses.into_iter().enumerate();
     let good = good.filter(|(i, _)| ![7, 12, 22].contains(i));
     let good: Vec<_> = good.map(|(_, press)| press).collect();

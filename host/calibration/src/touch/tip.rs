@@ -49,8 +49,9 @@ impl Tip {
 }
 
 impl Layer {
-    /// Displacement of the centre less that of the edge of a contact, per newton:
-    /// (1/2 pi) integral of k C(k) p(k a) (1 - J0(k a)) dk (Johnson, "Contact mechanics", 5.8).
+    /// Displacement at the centre of a contact less that at its edge, m per newton:
+    /// (1/2 pi) integral of k C(k) p(k a) (1 - J0(k a)) dk, with the wave number k, the layer's compliance C and the transform p
+    /// of the pressure under a contact of radius a (Johnson, "Contact mechanics", 5.8).
     fn fall_m_per_n(&self, radius_m: f64) -> f64 {
         const STEP: f64 = 0.05;
         let wave = |i: u32| {

@@ -11,11 +11,11 @@ use super::profile::Profile;
 /// Limits of the standard errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
-    /// Of the place in its worst direction, m.
+    /// Limit for the place in its worst direction, m.
     pub(super) place_m: f64,
-    /// Of ln F.
+    /// Limit for ln F, with the force F.
     pub(super) force_ln: f64,
-    /// Of ln a.
+    /// Limit for ln a, with the contact radius a.
     pub(super) radius_ln: f64,
 }
 
@@ -34,7 +34,7 @@ impl Limits {
 /// Standard errors of one press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Errors {
-    /// Of the place (m, worst direction), ln F and ln a; infinite where the readings do not determine it.
+    /// Standard errors of the place (m, worst direction), ln F and ln a; infinite where the readings do not determine it.
     pub(super) standard: [f64; 3],
     /// The least determined combination: changes of x, y, m, ln F and ln a, of which the greatest is one limit.
     pub(super) weakest: [f64; 4],
@@ -42,8 +42,9 @@ pub(super) struct Errors {
     pub(super) is_undetermined: bool,
 }
 
-/// A combination is not determined if its information is below this part of the best determined one's, in units of the limits.
-/// For the built-in coils in a square that part is 3e-17, rounding, on the lines of symmetry, and 2e-8 or more beside them.
+/// A combination counts as not determined if its information, in units of the limits, is below this part of the information on
+/// the best determined combination. For the built-in coils in a square that part is 3e-17 (rounding) on the lines of symmetry,
+/// and 2e-8 or more beside them.
 const LEAST_INFORMATION: f64 = 1e-12;
 
 /// Layout with the profiles of its coils for one radius of contact.

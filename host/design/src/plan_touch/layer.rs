@@ -48,16 +48,18 @@ pub(super) fn pressure_by_ln_radius(q: f64) -> f64 {
     3.0 * (q.sin() / q - pressure(q))
 }
 
-/// Below it the series is taken: its next term, q^4/280, is below 4e-15, the rounding of the closed form about 1e-9.
+/// Value of q below which the series replaces the closed form: the first term that the series omits, q^4/280, is below 4e-15,
+/// and the closed form would have a rounding error of about 1e-9.
 const SMALL: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Integrates the equations of a layer in plane strain from the base to the surface, u = U sin kx, w = W cos kx, by Runge
-    /// and Kutta: with m = nu/(1 - nu), U' = t/G + kW, W' = (1 - m) s/2G - m k U, t' = k (m s + 2G (1 + m) k U), s' = -k t.
-    /// Returns W at the surface per pressure there.
+    /// Returns W at the surface per pressure there, by integrating the equations of a layer in plane strain from the base to the
+    /// surface (Runge and Kutta). The displacements are u = U sin kx along the layer and w = W cos kx across it; the amplitudes
+    /// of the shear and normal stress are t and s. With the shear modulus G and m = nu/(1 - nu):
+    /// U' = t/G + kW, W' = (1 - m) s/2G - m k U, t' = k (m s + 2G (1 + m) k U), s' = -k t.
     fn integrated(layer: &Layer, k: f64) -> f64 {
         const STEPS: u32 = 2_000;
         let (g, m) = (

@@ -56,9 +56,9 @@ impl Radius {
 /// Standard error of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Noise {
-    /// Of the mean approach, m.
+    /// Standard error of the mean approach, m.
     Approach(f64),
-    /// Of the inductance, relative.
+    /// Relative standard error of the inductance.
     Relative(f64),
 }
 

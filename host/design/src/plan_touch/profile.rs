@@ -7,12 +7,13 @@ use rayon::prelude::*;
 use super::coil::Winding;
 use super::layer::{Layer, pressure, pressure_by_ln_radius};
 
-/// Mean approach of the surface, weighted by the coil's field, per force, against the distance of the press from the coil's axis:
-/// Phi(rho) = 1/(2 pi) integral of k S(k) C(k) p(k a) J0(k rho) dk.
+/// Mean approach of the surface per force, weighted by the coil's field, as a function of the distance rho between the press and
+/// the coil's axis: Phi(rho) = 1/(2 pi) integral of k S(k) C(k) p(k a) J0(k rho) dk. k is the wave number, S the transform of the
+/// coil's weight, C the layer's compliance, and p the transform of the pressure under a contact of radius a.
 #[derive(Clone, Debug)]
 pub(super) struct Profile {
     step_m: f64,
-    /// At multiples of the step.
+    /// Responses at multiples of the step.
     points: Vec<Response>,
 }
 
@@ -20,9 +21,9 @@ pub(super) struct Profile {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Response {
     pub(super) approach_m: f64,
-    /// By the distance.
+    /// Derivative by the distance.
     pub(super) by_distance: f64,
-    /// By the logarithm of the contact's radius, m.
+    /// Derivative by the logarithm of the contact's radius, m.
     pub(super) by_ln_radius_m: f64,
 }
 

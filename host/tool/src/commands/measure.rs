@@ -86,7 +86,7 @@ struct MeasurementLine {
     /// Contacts for which the interval holds; zeros for the centred, flat contact of the bench.
     contact_within_m: f32,
     contact_tilt_rad: f32,
-    /// The same in words, for text.
+    /// Contacts for which the interval holds, in words.
     #[serde(skip)]
     contact: String,
     /// Largest cause of the interval, and how to reduce it.

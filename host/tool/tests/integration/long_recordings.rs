@@ -29,7 +29,7 @@ fn the_time_for_a_file_does_not_grow_with_the_square_of_its_boots() {
     let folder = folder.path();
     let boots = of_boots(60_000);
     recording_of(&folder.join("many.mcap"), &boots);
-    // The same number of records, but in two boots only.
+    // As many records as in `many.mcap`, but of two boots only.
     let few: Vec<Value> = boots
         .iter()
         .cloned()

@@ -36,7 +36,7 @@ fn solved(design: &Design) -> Solved {
 /// A sphere drawn with arcs has the closed form 3 mu/(mu + 2) B0.
 #[test]
 fn a_sphere_of_arcs_is_a_sphere() {
-    // The same sphere drawn with arcs of other lengths, through other points.
+    // `SPHERE`, drawn with arcs of other lengths through other points.
     let three = "shape = { outline = [[0, -10], { through = [6, -8] }, [8, -6], { through = [10, 0] }, \
                  [6, 8], { through = [\"10 * 5 / 13\", \"10 * 12 / 13\"] }, [0, 10]] }";
     for shape in [SPHERE, three] {

@@ -13,7 +13,7 @@ fn design(folder: &str, drawing: &str) -> Result<Design, String> {
     design_of(folder, drawing, "layer = \"ball\"")
 }
 
-/// The same ball as in `design`; `beside` is further text after the drawing's name.
+/// The ball of [`design`]; `beside` is further text after the drawing's name.
 fn design_of(folder: &str, drawing: impl AsRef<[u8]>, beside: &str) -> Result<Design, String> {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
     fs::create_dir_all(&folder).expect("a folder");

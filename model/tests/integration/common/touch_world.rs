@@ -1,8 +1,13 @@
 //! Sensing coils under a bonded layer, in `f64`, by closed forms alone.
 //!
-//! A layer of incompressible elastomer on a rigid base is pressed by a round pressure; a coil reads
-//! the surface's displacement, weighted by its own field's energy density (shared with no formula
-//! of the crate): dL = (1/2 pi) integral of k S(k) C(k) p(k a) J0(k rho) dk.
+//! A layer of incompressible elastomer on a rigid base is pressed by a round pressure. A coil reads
+//! the surface's displacement, weighted by the energy density of its own field. Per newton, at the
+//! distance rho from the coil's axis, its inductance changes by
+//!
+//! dL = (1/2 pi) integral of k S(k) C(k) p(k a) J0(k rho) dk,
+//!
+//! where k is the wave number, S the transform of the coil's weight, C the layer's compliance and p
+//! the transform of the pressure under a contact of radius a. The crate's formulas are not used.
 
 use std::f64::consts::{PI, TAU};
 

@@ -18,8 +18,8 @@ use crate::recording::{ABOUT, Contents, END, Logged, Note, Recorded, Recorder};
 
 /// Longest time of one receive call.
 const POLL: Duration = Duration::from_millis(10);
-/// Interval of comparisons between the clocks of board and computer: within it they drift apart by
-/// 1 ms at most (`DeviceClock`), the uncertainty of an exchange over USB.
+/// Interval of comparisons between the clocks of board and computer. The clocks drift apart by 1 ms
+/// at most in this interval (`DeviceClock`), as much as the uncertainty of an exchange over USB.
 const COMPARE: Duration = Duration::from_secs(10);
 
 /// A running recording.

@@ -30,7 +30,7 @@ pub(super) enum Winding {
         coil: usize,
         turns_per_m2: f64,
     },
-    /// By induction: number of the unknown u of the ring.
+    /// Distributed by induction: `unknown` is the number of the ring's unknown u.
     Solid {
         unknown: u32,
     },

@@ -42,9 +42,9 @@ const GAUGE_SILENT_S: f64 = 2.0;
 /// opened.
 const GAUGE_START: Duration = Duration::from_secs(60);
 /// Relative difference from the frequency of the untouched sensor below which the sensor has
-/// recovered from a press: a fifth of the limit in the check of each run. And the longest wait for
-/// that, s.
+/// recovered from a press: a fifth of the limit in the check of each run.
 const RECOVERED: f64 = 0.2e-3;
+/// Longest wait for the sensor's recovery, s.
 const RECOVERY_S: f64 = 300.0;
 /// Longest delay of a stage's answer beyond the duration of its movement, s.
 const STAGE_S: f64 = 30.0;
