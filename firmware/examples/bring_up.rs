@@ -2,8 +2,23 @@
 //! other, over channel 0 of the debug probe in both directions. The PC decides which properties of the
 //! silicon to measure, and how.
 //!
-//! A request is its length, its kind and its data; an answer is its length, an outcome and its data.
-//! Numbers of several bytes are little-endian. docs/bring-up.md lists all requests.
+//! A request is its length, a letter and its data. An answer is its length, an outcome (0 done, 1 not
+//! understood, 2 not acknowledged, 3 timed out, 4 no edge) and its data. Numbers of several bytes are
+//! little-endian.
+//!
+//! | request | with | answer |
+//! |---|---|---|
+//! | `?` | | name and version of the image |
+//! | `T` | segments of one transaction, each after a START: `n` and n bytes to write, or `0x80 + n` to read n | what was read |
+//! | `E` | number of edges, time limit in ms, segments to transfer after each edge | number of edges, time of the first and of the last edge in us (four bytes each), what was last read |
+//! | `A` | time limit in ms: waits until INTB is low | |
+//! | `I`, `W` | | level of INTB, of SDA |
+//! | `S` | level of SD | |
+//! | `C` | divisor of 200 MHz for CLKIN, 5 to 20 | |
+//! | `D` | ms to wait | |
+//! | `X` | bits after which a read is cut off | |
+//! | `L` | pulses of SCL, and a STOP | |
+//! | `B` | requests, each with its length, done one after the other | their answers without outcomes |
 
 #![no_std]
 #![no_main]

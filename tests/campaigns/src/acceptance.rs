@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(
         out,
-        "{BEGIN}\n{covered} of {all} intervals of {} boards cover the truth.\n\n{table}\n{END}",
+        "{table}\n\n{BEGIN}\n{covered} of {all} intervals of {} boards cover the truth.\n{END}",
         arguments.boards
     )?;
     if missed > 0 {
