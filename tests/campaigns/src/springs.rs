@@ -174,17 +174,17 @@ fn print(arguments: &Arguments, plants: &[Plant]) -> Result<(), Failure> {
     }
     writeln!(
         out,
-        "{BEGIN}\nIntervals that cover the truth: {}; {refused} of {} good sessions are refused.\n\n\
+        "How close the sessions come to the limits of the checks:\n\n{}\n\n\
+         {BEGIN}\nIntervals that cover the truth: {}; {refused} of {} good sessions are refused.\n\n\
          {} sensors of the stack {} from seed {}, all disturbances. Each was calibrated from one session on \
-         its simulated bench: with the load cell, and with the stage's scale and the springs alone. Below: how close these sessions \
-         come to the limits of the checks.\n\n{}\n\n{}\n{END}",
+         its simulated bench: with the load cell, and with the stage's scale and the springs alone.\n\n{}\n{END}",
+        checks_table(&checked),
         ways.join(", "),
         plants.len(),
         plants.len(),
         arguments.stack,
         arguments.seed,
-        loads_table(plants),
-        checks_table(&checked)
+        loads_table(plants)
     )?;
     if hold && refused == 0 {
         return Ok(());
