@@ -63,9 +63,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         },
     ];
     println!("{}", table_of_front(&front)?);
+    println!("Both at equal power and height:");
+    for design in &designs {
+        println!("{}:\n{}", design.title(), figures(design)?);
+    }
     let mut text = format!(
         "Of {} designs from {} starts the best at {:.1} W has a disc of {:.1} mm, a rim of {:.1} mm and a merit of {:.5}, `{DESIGN}` one of {:.5}.\n\n\
-         ![Merit against power: the best found, and the design as it is]({})\n\nBoth at equal power and height:\n\n```text\n",
+         ![Merit against power: the best found, and the design as it is]({})\n\n\
+         {} sensors each from seed {}, all disturbances, each calibrated \
+         on its own simulated bench; loads in units of the sensing spring c_S. Errors are ln(estimate/truth).\n\n\
+         | design | load | estimated | refused | hold | RMS error | median half width |\n|---|---|---|---|---|---|---|\n",
         front["designs"],
         front["starts"],
         float(&better["power_W"])?,
@@ -73,16 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         number_of(better, "parameters.rim")?,
         float(&better["figure"])?,
         float(&better["figure_as_it_is"])?,
-        PICTURE[1]
-    );
-    for design in &designs {
-        text.push_str(&format!("{}:\n{}\n", design.title(), figures(design)?));
-    }
-    let mut text = format!(
-        "{}\n```\n\n{} sensors each from seed {}, all disturbances, each calibrated \
-         on its own simulated bench; loads in units of the sensing spring c_S. Errors are ln(estimate/truth).\n\n\
-         | design | load | estimated | refused | hold | RMS error | median half width |\n|---|---|---|---|---|---|---|\n",
-        text.trim_end(),
+        PICTURE[1],
         arguments.plants,
         arguments.seed,
     );
