@@ -11,8 +11,9 @@ use crate::setup::Need;
 /// One part of the gate.
 #[derive(Debug)]
 pub(crate) struct Step {
-    /// Short name: the argument of `--only`, and the line of the summary.
+    /// Short name, the argument of `--only`.
     pub(crate) name: &'static str,
+    /// What the step checks, for the summary.
     pub(crate) purpose: &'static str,
     pub(crate) needs: Vec<Need>,
     pub(crate) action: Action,

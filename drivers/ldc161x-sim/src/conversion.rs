@@ -120,9 +120,9 @@ impl Sweep {
     }
 }
 
-/// Position √(3/7) of the inner nodes of five-point Gauss–Lobatto quadrature; then the weights of
-/// its nodes.
+/// Position √(3/7) of the inner nodes of five-point Gauss–Lobatto quadrature.
 const INNER_NODE: f64 = 0.654_653_670_707_977_2;
+// Weights of the nodes of the quadrature.
 const END_WEIGHT: f64 = 0.1;
 const INNER_WEIGHT: f64 = 49.0 / 90.0;
 const CENTRE_WEIGHT: f64 = 32.0 / 45.0;

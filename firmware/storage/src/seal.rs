@@ -11,8 +11,9 @@ const VERSION: u8 = 2;
 /// Version of the seals with a checksum over all items. It is not read, since each item has its own.
 const WITH_CHECKSUM: u8 = 1;
 
-/// Place in the key of a seal that completes the save of its own slot, then that of the other slot.
+/// Place in the key of a seal that completes the save of its own slot.
 pub(crate) const OF_THIS_SLOT: u8 = 0;
+/// Place in the key of a seal that completes the save of the other slot.
 pub(crate) const OF_OTHER_SLOT: u8 = 2;
 
 /// Seal, written after the items of a save. The later of two seals is the greater one.

@@ -56,8 +56,8 @@ const PRIOR_DEVIATION: f64 = 1.0;
 /// cross-talk: the train without contact determines the cross-talk, the load cell its growth. On 60
 /// simulated sensors of the design `ultrasoft` the changes are at most a tenth and three tenths. On
 /// the design `closed` the cross-talk is small compared with the trains' deviations from their
-/// lines; there, loads and depths without these priors would give three times the cross-talk of the
-/// untouched sensor.
+/// lines. Without these priors the fit would give three times the cross-talk of the untouched
+/// sensor there.
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
 /// Cross-talk at the peak current, relative to the mean deformation, below which its growth is not
 /// adjusted: the growth of so small a cross-talk could exceed the protocol's limit of 1e5/m.

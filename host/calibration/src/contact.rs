@@ -5,11 +5,12 @@
 //! W_0/W times as large. Under a tilted face every deformation reads too large by o, and W is
 //! x/(x - o) times as large.
 //!
-//! With a place that is uniform in the disc within the tolerance, a change that grows with the square
-//! of the distance is uniform from zero to the one at the rim; so is o with a uniform tilt. Its root
-//! of the mean square, the greatest value over the root of three, counts as the uncertainty. The mean
-//! is not corrected: that would halve the uncertainty and make the centred, flat contact, which is
-//! the most likely one, the worst. Intervals at this contact then covered 37 of 60 loads
+//! If the place is uniform in the disc within the tolerance, and the change of the signal grows with
+//! the square of the distance, the change is uniform from zero to its value at the rim. With a
+//! uniform tilt o is uniform too. The root of the mean square of each, its greatest value over the
+//! root of three, counts as the uncertainty. The mean is not corrected: that would halve the
+//! uncertainty, but the centred, flat contact, which is the most likely one, would then have the
+//! greatest error. With such a correction intervals at this contact covered 37 of 60 loads
 //! (`palpate campaign --plants 12 --seed 1420001 --contact-within 1 --contact-tilt 0.1`).
 
 use palpate_wire::Command;

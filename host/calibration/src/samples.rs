@@ -103,15 +103,15 @@ fn between(
     Some(from + way * (to - from))
 }
 
-/// Force below which a conversion is left out, N, and (`CLEAR_OF_STOP_S`) time before the stop in
-/// which it is left out, s: a conversion during touch or stop averages over a kink, while the
-/// gauges are interpolated linearly between two readings.
+/// Force below which a conversion is left out, N: a conversion during the touch averages over a
+/// kink, while the gauges are interpolated linearly between two readings.
 const CLEAR_OF_TOUCH_N: f64 = 50e-3;
+/// Time before the stop in which a conversion is left out, s, for the reason of `CLEAR_OF_TOUCH_N`.
 const CLEAR_OF_STOP_S: f64 = 3e-3;
 /// Force above which the specimen touches, N: clearly above the noise of the load cell (1 mN).
 const TOUCHING_N: f64 = 10e-3;
-/// Changes of inductance that replace `CLEAR_OF_TOUCH_N` and `TOUCHING_N` without a load cell: 10
-/// and 2 µm of deformation, on a coil whose inductance rises by 0.25 parts in a thousand per
+/// Relative changes of inductance that replace `CLEAR_OF_TOUCH_N` and `TOUCHING_N` without a load
+/// cell. They stand for 10 and 2 µm of deformation on a coil whose inductance rises by 0.25 parts in a thousand per
 /// micrometre (reference coil, slabs on both sides). The noise of the inductance is 2 parts in a
 /// million.
 const CLEAR_OF_TOUCH: f64 = 2.5e-3;

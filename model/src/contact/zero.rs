@@ -33,9 +33,10 @@ pub struct Zero {
     elapsed: f32,
 }
 
-/// Largest rate at which the temperature changes, K/s, and (`MOST_WARMING_K`) its largest change:
-/// in a heated room, and on the board of a coil in operation.
+/// Largest rate at which the temperature changes in a heated room and on the board of a coil in
+/// operation, K/s.
 const WARMING_K_PER_S: f32 = 2.0 / 60.0;
+/// Largest change of that temperature, K.
 const MOST_WARMING_K: f32 = 10.0;
 
 /// Standard deviation of a uniform distribution between -1 and 1.

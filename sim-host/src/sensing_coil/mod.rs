@@ -90,7 +90,7 @@ impl CoilDesign {
     }
 
     /// Inductance without MSE, H, with tracks `width_m` wide (above zero, at most the pitch) in the
-    /// mutual inductances too. For the reference's tracks it is 0.2 % more.
+    /// mutual inductances too. For the reference coil this is 0.2 % more than with filaments.
     #[must_use]
     pub fn inductance_of_tracks_in_air_h(&self, width_m: f64) -> f64 {
         let radii_m: Vec<f64> = self.radii_m().collect();

@@ -313,11 +313,13 @@ struct Row {
     bias_ln: f64,
     /// Median of the true relaxations after three seconds.
     relaxation: Option<f64>,
-    /// Number of reported relaxations, and of those above two standard errors; how many of these are
-    /// within 20 % of the true one, and the median of their ratio to it.
+    /// Number of reported relaxations.
     reported: usize,
+    /// Number of reported relaxations above two standard errors.
     significant: usize,
+    /// Number of significant relaxations within 20 % of the true one.
     within: usize,
+    /// Median ratio of the significant relaxations to the true ones.
     ratio: Option<f64>,
     /// Root of the mean square of the errors over their own standard errors.
     standardised: f64,

@@ -288,8 +288,8 @@ where
     }
 
     /// Called if no edges come: checks whether conversions end while INTB stays at one level. INTB must
-    /// be high after its release, and low after a frame period. A conversion that ends between two reads
-    /// spoils one attempt.
+    /// be high after its release, and low after a frame period. The check is repeated, because a conversion
+    /// may end between release and reading of INTB.
     async fn check_interrupt(&mut self, scheme: &Scheme) -> Result<()> {
         let mut intb = self.port.intb();
         let mut stuck = None;

@@ -46,8 +46,8 @@ pub enum Check {
     /// Scatter of the train's readings about a smooth curve, over their span or 8 µm, whichever is
     /// greater.
     Scatter,
-    /// Factor between the depth of a press, relative to its target, and that of the other presses,
-    /// in either direction.
+    /// Ratio of depth to target depth of a press, over that ratio of the other presses, or the
+    /// reciprocal if that is greater.
     Depth,
     /// Compliance of block and frame, over that of the sensing layer.
     Frame,

@@ -8,9 +8,10 @@ use super::line::TrainLine;
 
 /// Half-width of a 95 % interval, in standard errors.
 const NORMAL_975: f64 = 1.959_964;
-/// Depth limits of a press: greatest depth over that of the bench's deepest train, and smallest
-/// depth over that of its shallowest train. Creep changes a depth by a twentieth.
+/// Greatest depth of a press, in units of the bench's deepest train. Creep changes a depth by a
+/// twentieth.
 const BEYOND_BENCH: f64 = 1.08;
+/// Smallest depth of a press, in units of the bench's shallowest train.
 const WITHIN_BENCH: f64 = 0.95;
 
 /// Standard deviations of kappa by errors of the calibration's model: the first relative to W, the

@@ -43,7 +43,7 @@ impl Reader<BufReader<File>> {
         Ok(Self::new(BufReader::new(opened)))
     }
 
-    /// Reads the boot notes of a file. Other programs write them behind the messages.
+    /// Reads the boot notes of a file. Files that other programs have rewritten have them after the messages.
     ///
     /// # Errors
     /// If the file cannot be opened.

@@ -107,8 +107,8 @@ fn the_image_finds_what_the_computer_finds() {
         // The slope of the line, 1 + kappa + g, is what the instrument measures.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // The limit is above 3e-4: that much comes from ten microseconds between the reported and
-        // the true current.
+        // A delay of 10 us between the reported and the true current makes a difference of 3e-4;
+        // the limit is twice that.
         assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }
 }

@@ -20,10 +20,10 @@ const NARROW_PIECE: f64 = 12.0;
 /// triangles and keeps their shape: the error of a longer triangle would show late, and hardly as a
 /// change from mesh to mesh.
 const SLENDEREST_IN_NARROW: f64 = 0.55 * NARROW_PIECE;
-/// Largest circumradius of a triangle relative to the circle's radius, inside and
-/// (`LARGEST_OUTSIDE`) outside of the circle. Coarse, since refinement by the error estimate
-/// follows.
+/// Largest circumradius of a triangle inside of the circle, relative to the circle's radius. Coarse,
+/// since refinement by the error estimate follows.
 const LARGEST_INSIDE: f64 = 0.16;
+/// Largest circumradius of a triangle outside of the circle, relative to the circle's radius.
 const LARGEST_OUTSIDE: f64 = 0.4;
 /// Edge length below which nothing is divided, relative to the circle's radius.
 const SHORTEST: f64 = 1e-5;

@@ -81,10 +81,11 @@ impl Default for Slice {
     }
 }
 
-/// Values of CSR's mode: free-running, or falling edges of input B; between them, the bit for
-/// phase-correct counting.
+/// Mode in CSR: free-running.
 const FREE: u32 = 0;
+/// Bit of CSR: phase-correct counting.
 const PHASE_CORRECT: u32 = 1 << 1;
+/// Mode in CSR: counts falling edges of input B.
 const FALLING: u32 = 3;
 
 impl Slice {

@@ -274,8 +274,8 @@ impl Reader {
         frames: [TransferOutcome::NONE; FRAMES],
     };
 
-    /// Returns whether the converter's frame can be next on the bus. `is_known` selects frames whose
-    /// edge is known, or else those without a known edge; a frame that has started counts as known.
+    /// Returns whether a frame of this converter may take the bus next. `is_known` asks for frames whose
+    /// edge is known, otherwise for those without a known edge. A frame that has started counts as known.
     #[inline(always)]
     fn can_begin(&self, is_known: bool) -> bool {
         if self.next > 0 {

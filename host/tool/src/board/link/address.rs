@@ -57,9 +57,9 @@ fn speed(text: &str) -> Result<Speed, String> {
         .map_err(|allowed| format!("{allowed}, or max"))
 }
 
-/// Limits of the speed: at the slowest, one sample of a 1 kHz recording is played per second; the
-/// fastest is more than any computer reaches.
+/// Slowest speed: plays one sample of a 1 kHz recording per second.
 const SLOWEST: f64 = 0.001;
+/// Fastest speed: more than any computer reaches.
 const FASTEST: f64 = 1e6;
 /// Endings of the names of recordings: of complete ones, and of those that are being written.
 const RECORDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
