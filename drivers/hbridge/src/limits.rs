@@ -1,4 +1,5 @@
-//! Hard limits.
+//! Hard limits, as a type. The values are the program's: those of the Pico's firmware stand in
+//! `firmware/node/src/board.rs`.
 
 use crate::fault::Refusal;
 use crate::hardware::Hardware;

@@ -9,7 +9,8 @@ use crate::output::Output;
 /// nFAULT pins.
 ///
 /// If one register holds both compare values, writing that register is shorter and changes both at
-/// once; a program may do that instead of using this type.
+/// once; a program may do that instead of using this type, as the Pico's firmware does
+/// (`firmware/src/board/rp2040/control`).
 #[derive(Debug)]
 pub struct HBridge<A, B, S, F> {
     in1: A,

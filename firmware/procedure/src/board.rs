@@ -48,7 +48,8 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// Board with one converter and a coil.
+    /// Board of the tests, with one converter and a coil. The limits of the Pico stand in
+    /// `firmware/node/src/board.rs`.
     pub(crate) const BOARD: BoardInfo = BoardInfo {
         boot_id: 7,
         hello: Hello {

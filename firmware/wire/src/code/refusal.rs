@@ -1,4 +1,7 @@
 //! Reasons why a measurement gives no estimate.
+//!
+//! The tool shows the first sentence of each reason's comment to the user, with value and limit
+//! (`host/cli/src/describe.rs`), and the protocol's table has the whole comment.
 
 codes! {
     /// Reason why a measurement gave no estimate. The record `refusal` carries a value and a limit;
