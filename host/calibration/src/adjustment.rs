@@ -259,8 +259,8 @@ const QUANTITIES_BY_LOADS: &str = "the actuated layer by the loads";
 /// Relative tolerance of springs that count as exact; not zero, since its inverse is a weight.
 const EXACT: f64 = 1e-6;
 
-/// Covariance of the quantities for weights that are one over the standard deviations themselves,
-/// not only proportional to them.
+/// Covariance of the quantities. Each weight must be one over the standard deviation itself, not
+/// only proportional to it.
 fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
     let variance = solution.sigma * solution.sigma;
     std::array::from_fn(|row| {

@@ -6,8 +6,8 @@
 //! ratio of the true to the measured W. The check corrects a share of this change: the variance of
 //! kappa due to the signal over the total variance of kappa. This is Kalman's filter (Trans. ASME
 //! 82D, 1960, p. 35) for one quantity. A constant error and one proportional to kappa remain. Their
-//! effect on the press counts as signal, so they cancel near the spring's kappa. The
-//! uncertainties by place and tilt of the contact (`set_contact`) are the press's own: they stay.
+//! effect on the press counts as signal, so they cancel near the spring's kappa. The uncertainties
+//! from place and tilt of the contact (`set_contact`) belong to each press: they stay.
 
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
@@ -547,8 +547,8 @@ mod tests {
         );
     }
 
-    /// One press does not test other places and tilts: their tolerance stays, and what it adds to the
-    /// press's own standard error is no part of the signal's size.
+    /// One press does not test other places and tilts, so their tolerance stays. Its part of the
+    /// press's standard error does not count as an error of the signal's size.
     #[test]
     fn a_check_leaves_the_contacts_tolerance_as_it_is() {
         let tolerance = Command::SetContact(ContactTolerance {

@@ -90,8 +90,8 @@ pub(crate) fn effect(
 /// the rim, and the zero's shift relative to the depth, from zero to the greatest one.
 ///
 /// A signal that falls and a zero that is shifted both let a load appear softer. The mean square of
-/// the sum of a and b is then a²/3 + b²/3 + ab/2, and both are larger by what the last term adds, so
-/// that their squares may be added.
+/// the sum of a and b is then a²/3 + b²/3 + ab/2. Both results are raised by a common factor, so
+/// that the sum of their squares includes the last term.
 fn root_mean_squares(at_rim: f64, shift: f64) -> [f64; 2] {
     let squares = at_rim * at_rim + shift * shift;
     let common = if squares > 0.0 {

@@ -31,11 +31,11 @@ pub struct Untouched {
     pub corrected: bool,
 }
 
-/// Relative standard uncertainty of the cross-talk in addition to that by the scatter of the falls:
-/// warming drifts the untouched reading, and the drift is taken as linear over a train. Determined
-/// with 24 trains without any change, on 12 simulated sensors of the design `ultrasoft` from seed
-/// 710001, half of them 30 K warmer: they deviate by 2.1 standard errors at most, without this
-/// addition by 3.3.
+/// Relative standard uncertainty of the cross-talk, in quadrature with the scatter of the falls:
+/// the untouched reading drifts with warming, and a train's fit takes the drift as linear.
+/// Determined with 24 trains on 12 unchanged simulated sensors of the design `ultrasoft` from seed
+/// 710001, half of them 30 K warmer: the changes found are at most 2.1 standard errors, without
+/// this constant 3.3.
 const OF_WARMING: f64 = 1e-3;
 /// Greatest drift of the untouched reading over a train, relative to the cross-talk at the peak: in
 /// the 24 trains of [`OF_WARMING`] it is 0.006 at most. A change of contact exceeds the limit.

@@ -1,10 +1,10 @@
 //! Modulus and hardness of a measured object, from its estimate and the declared tip.
 //!
 //! The interval combines, in ln E and in quadrature, the distance to each end of the stiffness's
-//! interval with 1.96 standard uncertainties of all else: the change of ln E by one standard uncertainty
-//! of radius, thickness, Poisson's ratio, stand and force, each by itself, and what the formulas leave
-//! out. The force scale enters stiffness and force of a ball in opposite directions; here they count as
-//! independent, which is cautious.
+//! interval with 1.96 standard uncertainties of all other inputs: the change of ln E by one standard
+//! uncertainty of radius, thickness, Poisson's ratio, stand and force, each by itself, and what the
+//! formulas leave out. The force scale enters stiffness and force of a ball in opposite directions; here
+//! they count as independent, which is cautious.
 
 use palpate_model::hardness::Scale;
 use palpate_model::indentation::{self, Indentation, OutOfLimit};

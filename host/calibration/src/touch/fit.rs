@@ -128,8 +128,8 @@ pub(super) fn largest(readings: &[f64]) -> f64 {
     readings.iter().fold(0.0, |most, of| of.abs().max(most))
 }
 
-/// What is known before the presses: gains near one with the mean one, coils near their nominal
-/// places, a profile within a few peaks, and hardly a bend.
+/// Adds the prior knowledge: gains near one with a mean of one, coils near their nominal places, a
+/// profile of a few peaks at most, and a small bend.
 fn beforehand(design: &Design, parameters: &Parameters, peak: f64, system: &mut System) {
     let count = parameters.values.len();
     let mut add = |index: usize, mean: f64, sigma: f64| {

@@ -1,10 +1,10 @@
 //! The covariance in five numbers, and the number of presses that would be enough.
 //!
 //! At presses all over the disc, the covariance of all parameters gives that of the predicted
-//! readings, C. Its diagonal is described by two numbers, as if the errors were independent from coil
-//! to coil: a part of the own reading and a part of the largest one, both reduced by the factor that
-//! gives the place the mean variance that C gives it. What C adds to the variances of ln F and ln a
-//! beyond these is common to all coils.
+//! readings, C. Two numbers describe its diagonal, as if the errors of the coils were independent: a
+//! part of the coil's own reading and a part of the largest reading. One factor reduces both until
+//! the place has the mean variance that C gives. The rest of the variances of ln F and ln a is common
+//! to all coils.
 
 use super::fit::cholesky;
 use super::profile::{At, Predicted};
@@ -69,8 +69,8 @@ impl ArrayCalibration {
         Ok(common(sum))
     }
 
-    /// How many more presses like those that were used would reduce the errors that the calibration
-    /// adds to the goal: errors fall with the root of the number.
+    /// Number of further presses, like those used, that bring the calibration's added errors down
+    /// to the goal: errors fall with the root of the number.
     ///
     /// # Errors
     /// If the readings do not determine a press.
@@ -112,8 +112,8 @@ impl ArrayCalibration {
         ))
     }
 
-    /// Mean variances of x, y, ln F and ln a by the covariance, and by independent errors of the
-    /// readings instead; the fit weighs the readings by the first of the two errors.
+    /// Mean variances of x, y, ln F and ln a: first from the covariance, then from the error
+    /// `independent` of each reading. The fit weighs the readings by the error `weighed`.
     fn moved(
         &self,
         points: &[Point],

@@ -43,8 +43,8 @@ fn chi_squares(design: &Design, fitted: &Fitted, presses: &[KnownPress]) -> Vec<
     presses.iter().map(of).collect()
 }
 
-/// Greatest chi-square per reading of a press: with the factor on the stated errors that the median
-/// shows, which is 0.84 to 0.91 for four to eight readings.
+/// Greatest chi-square per reading of a press. It rises with the median if the median exceeds its
+/// value for right errors, 0.84 to 0.91 with four to eight readings.
 fn limit(chi_squares: &[f64], readings: usize) -> f64 {
     greatest(readings) * (median(chi_squares) / 0.87).max(1.0)
 }

@@ -20,8 +20,8 @@ use super::sensor::PlannedSensor;
 /// Time from the touch to the train in use, s. A press is found steady after two to four tenths of
 /// a second, then the coil is tested (docs/decisions/0008-misfit.md).
 const SINCE_TOUCH_S: f64 = 0.7;
-/// Points per fall in the sums over signals and errors. Four times as many would change an error by
-/// vibration by 0.7 %, all others by 0.1 %.
+/// Points per fall in the sums over signals and errors. With four times as many the error from
+/// vibration changes by 0.7 %, all others by 0.1 %.
 const POINTS: u32 = 24;
 /// Smallest number of conversions in a fall: three for the level, the slope and the drift of a
 /// single ramp, and one more.

@@ -1,9 +1,9 @@
 //! What a planar sensing coil reads of a boundary that moves.
 //!
 //! A coil carries one ampere. Its inductance changes with the displacement w of a boundary between air and a thick magnetic
-//! elastomer as dL = integral of s w dA. To first order s is proportional to the coil's own field there, H_r^2 + mu_r H_z^2: the
-//! energy of a boundary that moves (Jackson, "Classical electrodynamics", section 5.16) with the field of both sides, which the
-//! reflection (mu_r - 1)/(mu_r + 1) at a half-space raises or lowers by the same factors everywhere.
+//! elastomer as dL = integral of s w dA. To first order s is proportional to H_r^2 + mu_r H_z^2 of the coil's own field there,
+//! by the energy of a moving boundary (Jackson, "Classical electrodynamics", section 5.16). The reflection (mu_r - 1)/(mu_r + 1)
+//! at a half-space changes the field on each side by factors that are the same everywhere.
 
 use core::f64::consts::{PI, TAU};
 
@@ -125,8 +125,8 @@ mod tests {
         relative_permeability: 3.7,
     };
 
-    /// Slope of the inductance by the reflections in the simulation, which knows neither this field nor this weight: dL/dd =
-    /// -mu_0 (mu_r - 1) 4/(mu_r + 1)^2 times the integral of the weight.
+    /// Compares the weight with the slope of the inductance in the simulation, which uses reflections in place of field and
+    /// weight: dL/dd = -mu_0 (mu_r - 1) 4/(mu_r + 1)^2 times the integral of the weight.
     #[test]
     fn the_weight_is_the_slope_of_the_inductance() {
         for relative_permeability in [1.01, 3.7, 20.0] {
@@ -162,8 +162,8 @@ mod tests {
         assert!((0.05..0.1).contains(&change), "{change}");
     }
 
-    /// Part of the reading that a displacement within 3 mm of the axis makes, by finite elements of a slab whose face has a step
-    /// there. It depends on which part of the field counts how much: |H|^2 gives 0.365, H_z^2 alone 0.605.
+    /// Compares the share of the reading from a displacement within 3 mm of the axis with finite elements of a slab whose face
+    /// has a step there. The share depends on the weights of the field's components: |H|^2 gives 0.365, H_z^2 alone 0.605.
     #[test]
     fn finite_elements_weigh_the_field_alike() {
         const STEP_MM: f64 = 0.04;

@@ -179,8 +179,8 @@ fn combination(press: &Press, limits: &Limits) -> String {
     }
 }
 
-/// Greatest approach in units of the depth. The reading of a built-in coil per displacement changes by as much as the approach is
-/// of its depth: by 5 to 10 % at a tenth (a test).
+/// Greatest approach in units of the depth. At this approach the reading of a built-in coil per displacement has changed by 5 to
+/// 10 % (a test).
 const LINEAR: f64 = 0.1;
 /// Part of a limit below which a change is not named.
 const NEGLIGIBLE: f64 = 0.05;

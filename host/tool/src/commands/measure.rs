@@ -62,8 +62,8 @@ const USUAL_LOAD: f64 = 1.0;
 const ARMING_S: f64 = 5.0;
 /// Longest wait for a result, s: settling of the press, coil test, train.
 const RESULT_S: f64 = 90.0;
-/// Longest wait for the object's relaxation after a result, s. It comes after 0.2 s, if the press is
-/// still held.
+/// Longest wait for the relaxation record after a result, s. The board sends this record after 0.2 s
+/// if the object is still pressed.
 const RELAXATION_S: f64 = 0.4;
 
 /// A line of the JSON output.
