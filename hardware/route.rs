@@ -1,6 +1,6 @@
-//! Routes a board of two signal layers on a grid of 0.1 mm: every connection by the cheapest path (A*), all nets
-//! again and again with a growing price on places that several nets want, until none does (McMurchie and Ebeling,
-//! "PathFinder", 1995).
+//! Routes a board of two signal layers on a grid of 0.1 mm: every connection takes the cheapest path (A*). All
+//! nets are routed again, with a growing price on places that several nets use, until no place is shared
+//! (McMurchie and Ebeling, "PathFinder", 1995).
 //!
 //! `rustc -O hardware/route.rs -o route && ./route < IN > OUT`; `hardware/board.py` writes IN and reads OUT.
 
@@ -175,8 +175,8 @@ impl Board {
             && (0..2).all(|layer| self.no_track[layer][cell] == 0 || self.no_track[layer][cell] == net)
     }
 
-    /// Finds the cheapest path of a connection. `mates` are vias of its own net: there, or a drill's clearance
-    /// away. `share` is the price of a place in use.
+    /// Finds the cheapest path of a connection. `mates` are the vias of its own net: a new via is in the place
+    /// of one of them, or a drill's clearance away. `share` is the price of a place in use.
     fn find(&self, wanted: &Connection, mates: &[usize], share: f64) -> Option<Path> {
         let (net, count) = (wanted.net, self.cells());
         let mut cost = vec![f32::INFINITY; 2 * count];

@@ -5,10 +5,10 @@ use super::layer::stored_j;
 
 /// Work done on the springs since the start, by source, and the energy stored and dissipated, J.
 ///
-/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
-/// steps of the mean force times the change of displacement, which the integrator conserves
-/// exactly. The shares of the load's instant spring and of a gap that closes in the press's work are their
-/// potentials, which is exact where they are nonlinear.
+/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over steps of
+/// the mean force times the change of displacement, which the integrator conserves exactly. In the press's
+/// work, the load's instant spring and a closing gap count by the change of their potential energy, which
+/// is exact where they are nonlinear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
     /// Work of the press.

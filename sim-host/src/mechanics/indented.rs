@@ -112,8 +112,8 @@ impl Indented {
         self.sum(x_m.abs().sqrt(), 2, |n| 2.0 / (n + 2.0))
     }
 
-    /// dx/dF at a compression, m/N; that at a picometre below it, where that of a ball grows without
-    /// bounds.
+    /// dx/dF at a compression, m/N. Below a picometre the value at a picometre, since dx/dF of a
+    /// ball grows without bounds.
     #[must_use]
     pub fn compliance_m_per_n(&self, x_m: f64) -> f64 {
         2.0 / self.sum(x_m.abs().max(1e-12).sqrt(), -2, |n| n)
@@ -135,8 +135,8 @@ impl Indented {
         (x_m, self.force_n(x_m))
     }
 
-    /// The x = s² with s own(s) + C F(s²) = total, where own is 0 or s, by Newton's method from above:
-    /// the left side is convex, so the iteration falls to the root.
+    /// Solves s own(s) + C F(s²) = total, where own is 0 or s, and returns x = s². Newton's method
+    /// from above: the left side is convex, so the iteration falls to the root.
     fn root(&self, highest: f64, own: fn(f64) -> f64, total: f64, compliance: f64) -> f64 {
         let mut s = highest;
         for _ in 0..80 {
@@ -253,8 +253,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// By how much the surface of a layer gives way less than that of a half-space, for a pressure of wave
-/// number α/h.
+/// One less the ratio of the surface's displacement on a layer to that on a half-space, for a pressure
+/// of wave number α/h.
 fn lack(alpha: f64, nu: f64) -> f64 {
     let k = 3.0 - 4.0 * nu;
     let (sinh, cosh) = ((2.0 * alpha).sinh(), (2.0 * alpha).cosh());

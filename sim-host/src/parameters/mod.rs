@@ -141,8 +141,8 @@ pub struct RigParameters {
     /// Relative tolerance of the rig's springs, 0 to 0.5. The error of each spring is a random
     /// fraction of the tolerance.
     pub spring_tolerance: f64,
-    /// Angle between specimen and sensor in every press of the bench, rad, 0 to 0.1; the draw has
-    /// none.
+    /// Angle between specimen and sensor in every press of the bench, rad, 0 to 0.1; zero in a
+    /// drawn plant.
     pub tilt_rad: f64,
 }
 

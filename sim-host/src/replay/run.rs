@@ -89,8 +89,8 @@ impl Run {
         Some(run)
     }
 
-    /// Whether the procedure is in the board's state. A procedure that has just started learns from
-    /// the first conversion on, but reports `Baseline` only after ten conversions.
+    /// Whether the procedure is in the board's state. A new procedure in `SelfTest` matches a board
+    /// in `Baseline`: it learns from the first conversion on, but reports `Baseline` after ten.
     pub(super) fn is_in(&self, state: State) -> bool {
         let is = self.procedure.state();
         is == state || (is, state) == (State::SelfTest, State::Baseline)

@@ -11,7 +11,7 @@
 //!
 //! The slab's field is that of images of the coil at the depths d + 2nt below the boundary, from the
 //! reflection at both boundaries (g = (μ − 1)/(μ + 1), gap d, thickness t). For displacements that
-//! are not small against the gap s is integrated along the approach as if the gap were even.
+//! are not small against the gap, s is integrated along the approach as if the gap were even.
 //!
 //! A slope of the boundary turns its normal in the field, by which each boundary adds
 //! ∫ κ w ∂w/∂r dA with κ = μ0 (μ − 1)²/μ H_t H_n. Integrated by parts this is −∫ 1/r ∂(rP)/∂r dA with
@@ -577,8 +577,8 @@ mod tests {
 
     #[test]
     fn a_mutual_inductance_changes_as_the_whole_does() {
-        // All boundaries down by w: the change of M is that of the closed form at another gap. At no
-        // distance M differs from L by its first term alone.
+        // With all boundaries moved down by w, M changes as the closed form does at another gap. At
+        // the distance zero M and L differ in the first term alone.
         let reading = Reading::new(&COIL);
         for apart_m in [0.0, 6e-3, 10.4e-3] {
             let h = 1e-6;

@@ -1,9 +1,9 @@
 //! Error of a layer without edges, by finite elements.
 //!
 //! A strip of the layer in plane strain, bonded to its base, with free ends, under a strip of even
-//! pressure: quadratic elements with nine nodes, solved by banded Cholesky factors. Nothing of it is
-//! shared with [`super::layer`], which it checks away from the ends. A line of pressure feels an end
-//! from further away than a round contact does.
+//! pressure: quadratic elements with nine nodes, solved by banded Cholesky factors. It shares no
+//! code with [`super::layer`], and checks that module away from the ends. An end affects a line of
+//! pressure from further away than a round contact.
 
 use super::layer::Layer;
 use super::quadrature::gauss;

@@ -81,9 +81,9 @@ impl GridSolver {
     }
 
     /// Length by which sharp edges are moved outwards, m. Each cell is in contact as a whole or not at
-    /// all, and the pressure rises towards an edge. So the force is that of a circle with the area of
-    /// the cells whose edge is 0.14 of a cell further in (pins of 2 to 4 mm on grids of 0.2 and 0.4 mm).
-    /// The remaining error is the staircase of the cells, a quarter of a cell at most.
+    /// all, and the pressure rises towards an edge. So the force is that of a smaller circle: its edge
+    /// is 0.14 of a cell inside the circle with the area of the cells (pins of 2 to 4 mm on grids of 0.2
+    /// and 0.4 mm). The remaining error is the staircase of the cells, a quarter of a cell at most.
     pub(super) fn edge_m(&self) -> f64 {
         0.14 * self.cell_m()
     }
@@ -97,7 +97,7 @@ impl GridSolver {
     }
 
     /// A function of the wave number's magnitude for all waves of the grid. It is computed once for
-    /// each magnitude: rows and columns have the same ones.
+    /// each magnitude, since rows and columns have the same magnitudes.
     fn response(&self, of: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut known = std::collections::BTreeMap::new();
         let mut all = Vec::with_capacity(self.size() * self.size());

@@ -8,9 +8,9 @@ pub struct Layout {
     /// Coils, in the order of their channels: 0 to 3 on the first converter, 4 to 7 on the second.
     pub coils: Vec<Coil>,
     /// Height above the layer's base at which the magnetic elastomer begins, m, up to the layer's
-    /// thickness. The elastomer is as thick as the first coil's `slab_m`; what of it lies above the layer
-    /// bends with the surface. A boundary within a twentieth of the thickness from the surface counts as
-    /// the surface.
+    /// thickness. The elastomer is as thick as the first coil's `slab_m`; its part above the layer bends
+    /// with the surface. A boundary within a twentieth of the thickness from the surface counts as the
+    /// surface.
     pub boundary_m: f64,
 }
 

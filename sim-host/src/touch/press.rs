@@ -41,8 +41,8 @@ pub(super) struct Heights {
     pub(super) upper_m: f64,
 }
 
-/// Distance below the surface from which on a boundary counts as the surface, in thicknesses. Closer
-/// ones would need shorter waves than the pressure of a round contact has nodes for.
+/// A boundary closer to the surface than this, in thicknesses, counts as the surface: it would need
+/// shorter waves than the pressure of a round contact has nodes for.
 const SKIN: f64 = 0.05;
 
 impl Heights {

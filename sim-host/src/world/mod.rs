@@ -441,8 +441,8 @@ impl World {
     ///
     /// The storage compliance is what an instrument sees to first order: a train of currents changes
     /// the sensing layer's deformation by −x g/W with the complex W = 1 + c_S (J* + φ) + c_S/c_D, and
-    /// the line that is fitted takes the part in phase, Re(1/W), which is 1/Re W but for the square of
-    /// the phase. Compliances in series add, so the frame keeps its place.
+    /// the line that is fitted takes the part in phase, Re(1/W), which equals 1/Re W except for the
+    /// square of the phase. Compliances in series add, so φ is added for the frame.
     #[must_use]
     pub fn load_stiffness_n_per_m(&self, hertz: f64) -> f64 {
         let (load, chain) = (self.load(), self.state().chain);

@@ -52,8 +52,8 @@ pub struct Truth {
     /// Stiffening σ of the actuated layer: 0 without field, 1 at the peak.
     pub stiffening: f64,
     /// Tangent stiffness of the load's instant spring in series with its frame, N/m. Infinite for a
-    /// rigid load on a rigid frame. Of a load without memory it is the c_L that an instrument can
-    /// measure; of one that relaxes, [`World::load_stiffness_n_per_m`](super::World) is.
+    /// rigid load on a rigid frame. For a load without memory this is the measurable c_L. For a
+    /// load that relaxes, c_L is [`World::load_stiffness_n_per_m`](super::World).
     pub load_spring_n_per_m: f64,
     /// Mean current in the coils, without its ripple, A.
     pub current_a: f64,

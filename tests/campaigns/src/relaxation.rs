@@ -534,8 +534,8 @@ mod tests {
             .unwrap()
     }
 
-    /// What a train sees of a load, without any disturbance: 1/x over g on the last six falls, after the
-    /// load has relaxed from the press. x (1 + c_S/c_L + g) is constant over a fall.
+    /// What a train measures of a load, without any disturbance: 1/x over g on the last six falls, after
+    /// the load has relaxed from the press. x (1 + c_S/c_L + g) is constant over a fall.
     fn seen_by_a_train(name: &str, amplitude: f64, ratio: f64) -> (f64, f64) {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);

@@ -45,14 +45,14 @@ const VERSION_4_01: u32 = 0x3430_312A;
 const BYTES: u32 = 7 << 16;
 /// CTRLR0: sends an instruction and an address, receives a word of 32 bits, on four wires.
 const READ_QUAD: u32 = 2 << 21 | 31 << 16 | 3 << 8;
-/// SPI_CTRLR0: a command on one wire, then address and mode bits on four, and four wait clocks: the
-/// read that makes the flash continuous.
+/// SPI_CTRLR0 of the read that starts continuous read: a command on one wire, then address and mode
+/// bits on four wires, and four wait clocks.
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
 /// SPI_CTRLR0: address and mode bits A0h on four wires without a command, and four wait clocks.
 const EACH_QUAD: u32 = 0xA0 << 24 | 4 << 11 | 8 << 2 | 2;
 /// Command of the fast read on four wires (W25Q16JV datasheet, instructions).
 const FAST_READ_QUAD: u32 = 0xEB;
-/// Clocks of the read that makes the flash continuous: the command, address and mode bits, wait, a
+/// Clocks of the read that starts continuous read: the command, address and mode bits, wait, a
 /// word.
 const FIRST_QUAD_CLOCKS: u64 = 8 + 8 + 4 + 8;
 
