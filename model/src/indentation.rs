@@ -15,9 +15,9 @@
 //! contact radius: all points of the contact move alike in a small further step. On a half-space
 //! kappa = lambda = 1, the depth is 3F/(2c) and E* = c/(2 sqrt(R depth)).
 //!
-//! kappa and lambda are by how much a layer is stiffer than a half-space at the same contact
-//! radius, in stiffness and in force: Hayes, Keer, Herrmann, Mockros, J. Biomech. 5 (1972) 541.
-//! Here they are polynomials fitted to a solution of Hayes' integral equation.
+//! kappa and lambda are the ratios of stiffness and of force between a layer and a half-space at
+//! the same contact radius: Hayes, Keer, Herrmann, Mockros, J. Biomech. 5 (1972) 541. Here they are
+//! polynomials fitted to a solution of Hayes' integral equation.
 //!
 //! ```
 //! use palpate_model::indentation::{Indentation, Tip};

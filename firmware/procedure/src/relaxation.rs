@@ -10,8 +10,8 @@
 //! D kappa = -W D ln x + kappa D z - g (D z_D - D z), with W = 1 + kappa + g,
 //!
 //! and the relaxation is D kappa/kappa. Both layers are assumed to creep as [`CREEP`] says; the deviations
-//! of each from it, of [`CREEP_UNCERTAINTY`], are independent. kappa is the estimate's. What the object
-//! gave way before the first time is unknown, is not in it, and makes it too small ([`BEFORE`]).
+//! of each from it, of [`CREEP_UNCERTAINTY`], are independent. kappa is that of the estimate. It lacks the
+//! unknown compression before the first time, and so is too small ([`BEFORE`]).
 //!
 //! The coil's heat softens both layers alike, which changes the result by as much as the springs: 0.1 %.
 //! The stiffening that remains after a train, below 0.7 % of g, and the vibration of a stand, averaged
@@ -34,10 +34,10 @@ pub(crate) const CREEP_UNCERTAINTY: f32 = 0.0104;
 /// Time of a held press after which the relaxation is reported for the last time.
 const HELD: Second = Second(3.0);
 
-/// Relative standard uncertainty by what the object gave way before the first level, which kappa lacks.
-/// Reported over true, median of objects that relax by half with a time constant of 0.5 to 5 s: 0.80 to
-/// 0.87 (`cargo campaign relaxation --plants 3 --seed 1400001`), 0.95 to 1.05 on other sensors (`--plants
-/// 12 --seed 1410001`), where error over standard error is 0.9 to 1.1.
+/// Relative standard uncertainty from the object's compression before the first level, which kappa lacks.
+/// Reported over true relaxation, median of objects that relax by half with a time constant of 0.5 to 5
+/// s: 0.80 to 0.87 (`cargo campaign relaxation --plants 3 --seed 1400001`), 0.95 to 1.05 on other sensors
+/// (`--plants 12 --seed 1410001`), where error over standard error is 0.9 to 1.1.
 const BEFORE: f32 = 0.15;
 
 /// Mean deformation of a block of time without current.

@@ -196,8 +196,8 @@ fn a_changed_law_is_that_of_changed_parameters() {
 
 #[test]
 fn an_attraction_is_a_part_of_the_regressor() {
-    // x follows from the balance of lengths with a pull p = f/c_D on the actuated layer; then x_0/x
-    // = 1 + kappa + g + p/x, whatever the pull is.
+    // The pull f shortens the actuated layer by p = f/c_D. With kappa = c_S/c_L and g = c_S/c_D the
+    // lengths add up to x_0/x = 1 + kappa + g + p/x, for any pull.
     let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).unwrap();
     let (c_s, c_l, x_0) = (6e3, 3e3, 1e-3);
     for i in 0..=10 {

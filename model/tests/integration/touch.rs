@@ -335,8 +335,8 @@ fn the_covariance_covers_the_truth() {
     }
 }
 
-/// On a mid-line of a square its four coils read two different values: a radius is never claimed
-/// there, and beside it is.
+/// On a mid-line of a square the four coils have only two different readings, so a radius is never
+/// claimed there. Beside the mid-line it is claimed.
 #[test]
 fn a_square_does_not_determine_the_radius_on_its_mid_lines() {
     let (mut on_line, mut covered, mut all, mut beside) = (0, 0, 0, 0);
@@ -425,8 +425,8 @@ fn a_pin_counts_as_a_round_contact_of_five_thirds_of_its_square() {
     }
 }
 
-/// Readings that grow faster than the force, as the elastomer comes nearer: exp(bend y) - 1 by the
-/// world, y (1 + c y) by the estimator.
+/// Readings that grow faster than the force, as the elastomer comes nearer: exp(bend y) - 1 in the
+/// world, y (1 + c y) in the estimator.
 #[test]
 fn a_bend_of_the_readings_is_undone() {
     let mut world = World::new(5e-3, &three_around_one());
@@ -563,8 +563,8 @@ fn number() -> impl Strategy<Value = f32> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Any readings, indenter and press before get a verdict, and what is claimed is finite and
-    /// inside.
+    /// Any readings, any indenter and any earlier press get a verdict. A claimed press is finite
+    /// and within reach.
     #[test]
     fn any_readings_get_a_verdict(
         readings in prop::collection::vec(number(), 0..9),
@@ -608,8 +608,8 @@ proptest! {
         }
     }
 
-    /// Coils of the ring read alike: a press turned by 60 degrees gives the same force, and a place
-    /// that is turned.
+    /// The coils of the ring are equal: a press turned by 60 degrees gives the same force, and a
+    /// place turned by 60 degrees.
     #[test]
     fn a_turned_press_is_found_turned(
         r in 0.0_f64..5.5e-3,

@@ -36,7 +36,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     #[doc = include_str!("doctest_started.txt")]
     /// let number = driver.read_frame()?.number;
     /// while driver.check_canary()?.confirmed.is_none() {}
-    /// // The round began before the frame: the next one confirms it.
+    /// // This round began before the frame, so only the next round confirms the frame.
     /// assert_eq!(driver.verify()?.confirmed, Some(number));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
