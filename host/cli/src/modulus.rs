@@ -106,8 +106,8 @@ impl DeclaredTip {
 }
 
 /// Force in the middle of the ramps, for which the stiffness holds, N. The record's force is that at the
-/// peak current. The sensing layer's deformation goes with 1/W, W = 1 + c_S/c_L + c_S/c_D: at the peak W is
-/// x_0/x, at rest it has c_D0.
+/// peak current. The sensing layer's deformation is proportional to 1/W, W = 1 + c_S/c_L + c_S/c_D: at the
+/// peak W is x_0/x, at rest it has c_D0.
 fn middle_force_n(estimate: &Estimate, springs: &Springs) -> f32 {
     // Greater falls of the force than a fifth occur on no sensor that can be calibrated.
     const LEAST: f32 = 0.8;
@@ -396,7 +396,7 @@ mod tests {
             of.radius_uncertainty = 0.03;
         };
         close(wide(&both, pin), by_stand.hypot(1.03_f64.ln()));
-        // E of a ball goes with the root of its force and of its radius; 2 % of the force scale, and
+        // E of a ball is proportional to the roots of force and radius; 2 % of the force scale, and
         // 0.577 * 0.21 (a/R)^2 with (a/R)^2 = 1.5 * 0.3 mm/15 mm.
         let of_ball = (0.5 * 1.02_f64.ln()).hypot(0.577 * 0.21 * 0.03);
         close(wide(&|_| {}, TipShape::Ball), of_ball);

@@ -2,8 +2,8 @@
 //! run. A loss of power clears it; `Heat` of the procedure has its own bound for the energy that is then
 //! left in the copper.
 
-/// Energy and its complement; memory has a valid pair by chance after a loss of power once in 2^32
-/// times.
+/// Energy and its complement. After a loss of power, memory contains a valid pair by chance once in
+/// 2^32 times.
 pub type EnergyWords = [u32; 2];
 
 /// Returns the words for an energy.

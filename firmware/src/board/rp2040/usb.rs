@@ -99,7 +99,7 @@ fn now_us() -> u32 {
 /// - A packet of endpoint 0 without space or without a receiver is discarded. If it stayed, its
 ///   interrupt would repeat at once, endlessly.
 /// - A request with more data than `usb-device` accepts is refused instead of left without an answer.
-/// - No buffer of endpoint 0 stays armed after a transfer: its packet would be taken for one of the next
+/// - No buffer of endpoint 0 stays armed after a transfer: its packet would count as one of the next
 ///   transfer, whose setup packet waits for the processor. The next transfer is not refused because of
 ///   such a packet.
 /// - A setup packet from before a bus reset is not answered after it.

@@ -3,8 +3,7 @@
 /// Requested accuracy of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
-    /// Refinement ends when the estimated errors of centre and core mean, relative to them, are at
-    /// most this.
+    /// Refinement ends when the estimated relative errors of centre and core mean are at most this.
     pub relative: f64,
     /// Order of the elements, 2 to 5.
     pub order: u32,
