@@ -3,7 +3,7 @@
 use crate::averages::BLOCK;
 use crate::fault::Fault;
 use crate::line::Setpoint;
-use crate::regulator::Gains;
+use crate::regulator::{Gains, LEVEL};
 
 /// Number of successive blocks with mismatched voltage and current after which a fault is reported.
 const UNBALANCED_BLOCKS: u32 = 4;
@@ -21,8 +21,9 @@ pub const ATTENDED_WITHIN: u32 = 1_250;
 /// Limits of the checks, in units and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Largest difference of applied and needed voltage without a fault, levels: 1/24 of the
-    /// supply, which covers dead time, diodes and a supply that has just changed.
+    /// Largest difference of applied and needed voltage without a fault, levels, besides what the
+    /// self-test found as dead time: 1/24 of the supply, which covers more dead time of short pulses,
+    /// diodes and a supply that has just changed.
     pub(crate) margin: i32,
     /// Largest tracking error of the current without a fault, units.
     pub(crate) tracking: i32,
@@ -107,7 +108,8 @@ impl Watch {
         let change = (measured - self.last).clamp(-8_000, 8_000);
         let inductive = (gains.kick * change) >> 12;
         let excess = block.levels - (resistive >> 4) - inductive;
-        let allowed = bounds.margin * BLOCK as i32 + (resistive >> 4).abs() / 2;
+        let lost = (gains.lost >> LEVEL) * BLOCK as i32;
+        let allowed = bounds.margin * BLOCK as i32 + lost + (resistive >> 4).abs() / 2;
         self.unbalanced = if excess.abs() > allowed {
             self.unbalanced + 1
         } else {

@@ -39,6 +39,11 @@ pub struct Slow {
     pub bridge_faults: bool,
     /// Whether the bridge reports its current limit as a fault; bridges differ.
     pub limit_faults: bool,
+    /// Delay of the samples behind the PWM, s: `palpate_node::board::BRIDGE_DELAY_NS` for the
+    /// carrier's bridge, and 0 for one without lag, as in [`CircuitParameters::common`].
+    ///
+    /// [`CircuitParameters::common`]: super::CircuitParameters::common
+    pub sample_delay_s: f64,
     /// Whether the supervisor is polled.
     pub attended: bool,
     /// Factor on the current limit while its self-test input is low.
@@ -55,6 +60,7 @@ impl Default for Slow {
             wild_v: None,
             bridge_faults: false,
             limit_faults: true,
+            sample_delay_s: 0.0,
             attended: true,
             limit_low: 2.0 / 15.0,
         }
@@ -161,12 +167,12 @@ impl ControlLoop {
         let period_s = f64::from(self.hardware.period_s);
         let before = self.circuit.totals();
         let output = self.output;
-        let sampled = SAMPLED_S / period_s;
+        let sampled = (SAMPLED_S + self.slow.sample_delay_s) / period_s;
         self.bridge(0.0, sampled, period_s);
         let first = self.sample();
         self.bridge(sampled, 0.5 + sampled, period_s);
         let second = self.sample();
-        let decided = 0.5 + INTERRUPT_S / period_s;
+        let decided = 0.5 + (INTERRUPT_S + self.slow.sample_delay_s) / period_s;
         self.bridge(0.5 + sampled, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
         // A bridge may report an undervoltage until its charge pump works.
@@ -239,7 +245,7 @@ impl ControlLoop {
     #[must_use]
     pub fn ripple_a(&self) -> f64 {
         const STEPS: u32 = 200;
-        let mut circuit = self.circuit;
+        let mut circuit = self.circuit.clone();
         let hardware = &self.hardware;
         let levels = self.output.levels;
         let step_s = f64::from(hardware.period_s) / f64::from(STEPS);

@@ -133,7 +133,7 @@ fn step(loop_: &mut Regulated, from_a: f64, to_a: f64) -> (f64, f64) {
 /// Time that supply and inductance need at the greatest duty, s.
 fn possible_s(circuit: &Circuit, to_a: f64) -> f64 {
     const STEPS: u32 = 160;
-    let mut circuit = *circuit;
+    let mut circuit = circuit.clone();
     circuit.parameters.wake_s = 0.0;
     let full = reference_hardware().full_level;
     let low = full - (reference_limits().duty * f32::from(full)) as u16;

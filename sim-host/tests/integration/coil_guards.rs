@@ -717,3 +717,23 @@ fn the_self_test_tells_what_is_wrong() {
         assert!(loop_.circuit.peak().0 < 16.0, "{:?}", loop_.circuit.peak());
     }
 }
+
+/// Short pulses lose more in the carrier's bridge than the dead time that the self-test finds.
+#[test]
+fn a_small_current_through_the_carriers_bridge_is_no_fault() {
+    for supply_v in [8.0, 12.0, 13.9] {
+        let carrier = CircuitParameters::common(0.389, 40e-6, supply_v).carrier();
+        let mut loop_ = with_limits(carrier, reference_limits());
+        loop_.slow.sample_delay_s = 1e-9 * f64::from(palpate_node::board::BRIDGE_DELAY_NS);
+        loop_.test().unwrap();
+        for to_a in [3.0, 1.0, 0.5, 0.25] {
+            loop_.go(to_a, 1e-3).unwrap();
+            loop_.run_for(0.05);
+            assert!(
+                loop_.report().holds,
+                "{supply_v} V {to_a} A: {:?}",
+                loop_.state()
+            );
+        }
+    }
+}

@@ -23,6 +23,9 @@ const IDLE_PS: u64 = 1_000_000_000;
 const SUPPLY_RATIO: f64 = 11.0;
 /// Time constant of the supply's divider with its capacitor, s.
 const SUPPLY_TAU_S: f64 = 1e-3;
+/// Lag of the default bridge and its amplifier, s: with half of its dead time 1.83 us, as the carrier's at
+/// 2 A.
+const LAG_S: f64 = 1.78e-6;
 /// Factor on the bridge's current limit while the bridge's self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
 /// Gain of the current amplifier, V/A, and its output at zero current, V.
@@ -36,8 +39,12 @@ pub struct BridgeCircuit {
     pub limit_a: f64,
     /// Resistance of the bridge's transistors and wires, ohm.
     pub bridge_ohm: f64,
+    /// Lag of the outputs, s, as in [`CircuitParameters`].
+    pub lag_s: f64,
     /// Dead time, s.
     pub dead_s: f64,
+    /// Charging time, s, as in [`CircuitParameters`].
+    pub charged_s: f64,
     /// Wake-up time, s: from nSLEEP high until the outputs follow the inputs.
     pub wake_s: f64,
     /// Relative error of the current amplifier.
@@ -57,14 +64,32 @@ pub struct BridgeCircuit {
 }
 
 impl Default for BridgeCircuit {
-    /// A typical bridge, and an analog-to-digital converter with wide codes and noise of two codes.
+    /// A typical bridge with the lag for which the board is set, and an analog-to-digital converter
+    /// with wide codes and noise of two codes.
     fn default() -> Self {
         let common = CircuitParameters::common(1.0, 1.0, 1.0);
         Self {
-            limit_a: common.limit_a,
-            bridge_ohm: common.bridge_ohm,
-            dead_s: common.dead_s,
-            wake_s: common.wake_s,
+            lag_s: LAG_S,
+            ..Self::of(&common)
+        }
+    }
+}
+
+impl BridgeCircuit {
+    /// The carrier's bridge ([`CircuitParameters::carrier`]); the rest as by default.
+    #[must_use]
+    pub fn carrier() -> Self {
+        Self::of(&CircuitParameters::common(1.0, 1.0, 1.0).carrier())
+    }
+
+    fn of(circuit: &CircuitParameters) -> Self {
+        Self {
+            limit_a: circuit.limit_a,
+            bridge_ohm: circuit.bridge_ohm,
+            lag_s: circuit.lag_s,
+            dead_s: circuit.dead_s,
+            charged_s: circuit.charged_s,
+            wake_s: circuit.wake_s,
             gain_error: 0.0,
             offset_a: 0.0,
             converter: ConverterParameters {
@@ -122,7 +147,9 @@ impl EmulatedCoil {
         let limit_a = drive.limit_a * if limit_low { LIMIT_LOW } else { 1.0 };
         self.circuit.parameters = CircuitParameters {
             bridge_ohm: drive.bridge_ohm,
+            lag_s: drive.lag_s,
             dead_s: drive.dead_s,
+            charged_s: drive.charged_s,
             wake_s: drive.wake_s,
             limit_a,
             supply_ohm: conditions.supply_ohm,

@@ -2,10 +2,10 @@
 //! pulse widths.
 //!
 //! The PWM counts up and down (phase-correct), so its pulses are centred on the start of the period. The
-//! ADC converts continuously and starts together with the PWM: current at the start and in the middle of
-//! every period, and thermistor, supply and processor temperature in between. DMA writes the eight
-//! results into a ring of eight slots, so each has its own slot. A second PWM slice triggers the
-//! interrupt when the mid-period current is available.
+//! ADC converts continuously and starts [`BRIDGE_DELAY_NS`] after the PWM: current at the start and in
+//! the middle of every period of the bridge's outputs, and thermistor, supply and processor temperature in
+//! between. DMA writes the eight results into a ring of eight slots, so each has its own slot. A second
+//! PWM slice triggers the interrupt shortly before the mid-period current is available.
 
 #![allow(unsafe_code)]
 
@@ -18,7 +18,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, compiler_fence};
 
 use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
-use palpate_node::board::{CORE_MHZ, FULL_LEVEL, cycles};
+use palpate_node::board::{BRIDGE_DELAY_NS, CORE_MHZ, FULL_LEVEL, cycles};
 use palpate_node::coil::{AVERAGED_BLOCKS, LastPeriod, SlowReadings, TRACE_LENGTH};
 use rp2040_pac::{ADC, DMA, Interrupt, PWM, RESETS};
 use rtic_monotonics::rp2040::prelude::*;
@@ -32,15 +32,23 @@ use timing::{CONTROL_SLICE, CYCLES};
 /// Mask of the two PWM slices: the one that triggers the interrupt, and the bridge's.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
 /// Count at which the control slice starts, together with a period of the bridge's slice. It then wraps,
-/// and triggers the interrupt, 10.25 us into the period: 8 us to the middle, 2 us for the conversion that
-/// starts there, 0.25 us more.
-const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);
+/// and triggers the interrupt, 9.25 us and the bridge's delay into the period: 8 us to the middle, and
+/// most of the 2 us of the conversion that starts there. What delays the interrupt, such as the stamp of
+/// an edge, then falls into the conversion.
+const CONTROL_BEGINS: u32 = CYCLES - cycles(9_250 + BRIDGE_DELAY_NS);
+/// Count of the control slice from which on the mid-period current is in its slot: 100 ns after the end
+/// of its conversion, for the ADC's synchronisation and for DMA. Later, levels would come late.
+const CONVERTED: u32 = cycles(850);
+/// Maximum number of looks at the count, of four cycles or more, until it has got there.
+const LOOKS: u32 = CONVERTED / 4;
+/// Number of loops of 39 cycles in [`start_together`] for the bridge's delay; the rest of it takes nine.
+const LOOPS: u32 = cycles(BRIDGE_DELAY_NS).saturating_sub(9) / 39;
 /// Cycles for which a task masks the interrupt for short work, such as a report, which takes 110.
 /// Includes bus interrupts that may run meanwhile.
-const SHORT: u32 = 200;
+const SHORT: u32 = 400;
 /// Cycles for which a task masks the interrupt for long work, such as a waveform of 48 lines, which
 /// takes 800. Includes bus interrupts that may run meanwhile.
-const LONG: u32 = 1_200;
+const LONG: u32 = 1_400;
 /// Maximum number of attempts of a task to mask the interrupt. An attempt takes twenty cycles, so all of
 /// them take ten periods.
 const TRIES: u32 = 10 * CYCLES / 20;
@@ -188,11 +196,11 @@ fn has_lost_results() -> bool {
     unsafe { (*ADC::ptr()).fcs().read().bits() & RESULTS_LOST != 0 }
 }
 
-/// Starts PWM and ADC one store apart: 25 ns, part of which the bridge's dead time compensates. Any
-/// further delay between the two moves every sample away from the point where the ripple crosses its
-/// mean, and shifts all measured currents: a fetch from flash takes 0.36 us, which is 45 mA at 12 V and
-/// 40 uH. So this function is never inlined into its caller, which is in flash (build.rs), and runs with
-/// interrupts off.
+/// Starts the PWM and, after the bridge's delay, the ADC. Any other delay between the two moves every
+/// sample away from the point where the ripple crosses its mean, and shifts all measured currents: a
+/// fetch from flash takes 0.36 us, which is 45 mA at 12 V and 40 uH. So this function is never inlined
+/// into its caller, which is in flash (build.rs), and runs with interrupts off. Most of its cycles are
+/// `nop`, of one cycle each.
 #[inline(never)]
 fn start_together(slices: u32) {
     cortex_m::interrupt::free(|_| {
@@ -200,12 +208,19 @@ fn start_together(slices: u32) {
         unsafe {
             core::arch::asm!(
                 "str {slices}, [{pwm}]",
+                "b 3f",
+                "2: .rept 36",
+                "nop",
+                ".endr",
+                "3: subs {loops}, #1",
+                "bpl 2b",
                 "str {convert}, [{adc}]",
                 slices = in(reg) slices,
                 pwm = in(reg) (*PWM::ptr()).en().as_ptr(),
                 convert = in(reg) CONVERT,
                 adc = in(reg) (*ADC::ptr()).cs().as_ptr(),
-                options(nostack, preserves_flags),
+                loops = inout(reg) LOOPS => _,
+                options(nostack),
             );
         }
     });
@@ -240,16 +255,15 @@ pub fn run(on: bool) {
 /// Returns the number of the last period in [`AVERAGES`] and the time of its end.
 ///
 /// The mean of its two samples, at the start and in the middle of a bridge period, is the current
-/// halfway between them. It equals the mean over one period centred there, which ends two microseconds
+/// halfway between them. It equals the mean over one period centred there, which ends three microseconds
 /// after the interrupt was triggered.
 pub fn last() -> LastPeriod {
-    const AFTER_CALL_US: u32 = 2;
+    const AFTER_CALL_US: u32 = 3;
     // Reads the timer and the control slice's count together: anything that ran between the two reads
     // would shift the window by its run time.
     let read = || {
         cortex_m::interrupt::free(|_| {
-            // SAFETY: a register is read.
-            let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
+            let count = count();
             let now_us = Mono::now().as_ticks();
             let called_us = now_us.saturating_sub(u64::from(count / CORE_MHZ));
             let last = LastPeriod {
@@ -312,14 +326,19 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
 fn mask_before(latest: u32) -> bool {
     NVIC::mask(Interrupt::PWM_IRQ_WRAP);
     cortex_m::asm::dsb();
-    // SAFETY: a register is read.
-    let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
-    let is_early = count < latest && !NVIC::is_pending(Interrupt::PWM_IRQ_WRAP);
+    let is_early = count() < latest && !NVIC::is_pending(Interrupt::PWM_IRQ_WRAP);
     if !is_early {
         // SAFETY: as in `masked_for`.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
     }
     is_early
+}
+
+/// Returns the count of the control slice: cycles since it triggered the interrupt.
+#[inline(always)]
+fn count() -> u32 {
+    // SAFETY: a register is read.
+    unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() }
 }
 
 #[inline]
@@ -350,9 +369,10 @@ pub unsafe extern "C" fn on_period() {
     unsafe {
         (*PWM::ptr()).intr().write(|w| w.bits(1 << CONTROL_SLICE));
     }
+    let faulty = !pins::is_high(pins::BRIDGE_FAULT);
+    let _ = (0..LOOKS).any(|_| count() >= CONVERTED);
     let [first, second] = CURRENT;
     let samples = [result(first), result(second)];
-    let faulty = !pins::is_high(pins::BRIDGE_FAULT);
     // SAFETY: see `ControlCell`: tasks mask this interrupt, and `run` has enabled it.
     let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
     let output = if has_lost_results() {

@@ -333,7 +333,11 @@ impl<P: Plant> SystemBus<P> {
                 self.run_coil(now_ps);
                 self.adc.read(offset)
             }
-            base::PWM => self.pwm.read(offset, now_ps),
+            base::PWM => {
+                // The firmware waits by the count until a result of the ADC is in memory.
+                self.run_coil(now_ps);
+                self.pwm.read(offset, now_ps)
+            }
             base::TIMER => self.timer.read(offset, now_ps),
             base::WATCHDOG => self.watchdog.read(offset),
             _ => None,

@@ -206,7 +206,7 @@ pub(crate) struct StepResult {
 
 /// Shortest time that supply and inductance allow, with the bridge always on.
 fn possible(circuit: &Circuit, to_a: f64) -> Time {
-    let mut circuit = *circuit;
+    let mut circuit = circuit.clone();
     circuit.parameters.wake_s = 0.0;
     let pins = Pins {
         awake: true,
