@@ -263,17 +263,13 @@ impl Circuit {
         }
         let end_s = now_s + duration_s;
         while let Some((at_s, halves)) = self.coming.pop_front_if(|(at_s, _)| *at_s < end_s) {
-            self.conduct(at_s - self.totals.time_s);
+            self.conduct_until(at_s);
             self.ask(halves);
         }
-        self.conduct(end_s - self.totals.time_s);
+        self.conduct_until(end_s);
     }
 
-    fn conduct(&mut self, duration_s: f64) {
-        if duration_s <= 0.0 {
-            return;
-        }
-        let end_s = self.totals.time_s + duration_s;
+    fn conduct_until(&mut self, end_s: f64) {
         // A span has at most two dead times and a few trips. The bound of 64 only ends a loop that
         // rounding could prolong.
         for _ in 0..64 {
