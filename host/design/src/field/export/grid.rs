@@ -1,61 +1,22 @@
-//! `palpate field export`: the field as files for other programs.
+//! The field over the half-plane as VTK and CSV.
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::{ArgGroup, Args};
 use palpate_cli::failure::Failure;
 use palpate_cli::output::{OutputFile, distinct};
-use palpate_cli::quantity::within;
 use palpate_field::design::Design;
 use palpate_field::solve::{FieldAt, Locator, Piece, Solved};
 
-use super::drive::{Drive, reached};
-use super::input::{DesignSource, current};
-use super::tables::BeyondTable;
-
-/// Write the field over the half-plane for other programs: VTK for ParaView, CSV on a grid
-#[derive(Args)]
-#[command(
-    group(ArgGroup::new("files").args(["vtk", "csv"]).required(true).multiple(true)),
-    after_help = "\
-VTK is the legacy format as text: the solver's own triangles, divided by the order of the elements, each with \
-its own points, since the field jumps between materials. Points are (r, x, 0) in m; B in T with its \
-components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic, \
-then the bodies and plates in the order of the design.
-
-CSV has the same on a square grid over the design and a third of the radius about it; lengths in mm.
-
-Without --current the field is that of one ampere, far below saturation, without background and \
-magnets; names end with _per_A then. \
-There is no estimate of the error of single points: `palpate field profile` has one.
-
-Example:
-  palpate field export closed --current 5 --vtk closed.vtk --csv closed.csv --step 0.5"
-)]
-pub(super) struct Arguments {
-    #[command(flatten)]
-    source: DesignSource,
-    /// The field at this current, with saturation, A
-    #[arg(long, value_name = "A", value_parser = current)]
-    current: Option<f64>,
-    /// Write the triangles there, as VTK
-    #[arg(long, value_name = "FILE")]
-    vtk: Option<PathBuf>,
-    /// Write a grid there, as CSV
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-    /// Distance of the grid's points, mm
-    #[arg(long, default_value_t = 0.5, value_name = "MM", value_parser = within(1e-3, 100.0, "mm"))]
-    step: f64,
-}
+use super::super::drive::{Drive, reached};
+use super::super::tables::BeyondTable;
+use super::Arguments;
 
 /// Maximum number of points of a grid, which give 100 MB of text.
 const MOST_POINTS: f64 = 1e6;
 
-pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let design = arguments.source.load()?;
+/// Solves the field and writes it to the files that are named; returns their paths.
+pub(super) fn write(design: &Design, arguments: &Arguments) -> Result<Vec<String>, Failure> {
     let vtk = OutputFile::optional("--vtk", arguments.vtk.as_ref())?;
     let csv = OutputFile::optional("--csv", arguments.csv.as_ref())?;
     for file in vtk.iter().chain(&csv) {
@@ -63,25 +24,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .apart_from(Path::new(&arguments.source.design))?;
     }
     distinct(vtk.iter().chain(&csv))?;
-    let drive = Drive::of(&design, arguments.current)?;
-    let solved = drive.attempt(&design, &arguments.source.effort)?;
-    BeyondTable::say_all(&design, &solved);
-    let mut out = io::stdout().lock();
-    if let Some(file) = vtk {
-        let title = format!("{}, {}", design.name, drive.words(&design));
+    let drive = Drive::of(design, arguments.current)?;
+    let solved = drive.attempt(design, &arguments.source.effort)?;
+    BeyondTable::say_all(design, &solved);
+    if let Some(file) = &vtk {
+        let title = format!("{}, {}", design.name, drive.words(design));
         file.write(vtk_text(&title, per(drive), &solved.pieces()))?;
-        writeln!(out, "written: {}", file.path().display())?;
     }
-    if let Some(file) = csv {
-        file.write(csv_text(
-            &design,
-            &solved,
-            per(drive),
-            1e-3 * arguments.step,
-        )?)?;
-        writeln!(out, "written: {}", file.path().display())?;
+    if let Some(file) = &csv {
+        let step_m = 1e-3 * arguments.step;
+        file.write(csv_text(design, &solved, per(drive), step_m)?)?;
     }
-    reached(&design, &solved)
+    reached(design, &solved)?;
+    let written = vtk.iter().chain(&csv);
+    Ok(written
+        .map(|file| file.path().display().to_string())
+        .collect())
 }
 
 /// Suffix of the units of a field.
