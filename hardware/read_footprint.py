@@ -14,19 +14,17 @@ folder, name, clearance, out = sys.argv[1:]
 footprint = pcbnew.FootprintLoad(folder, name)
 assert footprint, f"KiCad does not load {name}"
 board = pcbnew.NewBoard(out)
-# The via, pad 3, is no pin of a schematic, so it has no net of its own.
 for pad in footprint.Pads():
-    if pad.GetNumber() != "3":
-        net = pcbnew.NETINFO_ITEM(board, f"N{pad.GetNumber()}")
-        board.Add(net)
-        pad.SetNet(net)
+    net = pcbnew.NETINFO_ITEM(board, f"N{pad.GetNumber()}")
+    board.Add(net)
+    pad.SetNet(net)
 footprint.SetReference("L1")
 board.Add(footprint)
 pcbnew.SaveBoard(out, board)
 # The rules of the maker: to the edge, between tracks.
 pathlib.Path(out).with_suffix(".kicad_dru").write_text(
-    f"(version 1)\n(rule edge (constraint edge_clearance (min 0.28mm)))\n"
-    f"(rule tracks (constraint clearance (min {clearance}mm)))\n(rule via (constraint annular_width (min 0.12mm)))\n",
+    f"(version 1)\n(rule edge (constraint edge_clearance (min 0.25mm)))\n"
+    f"(rule tracks (constraint clearance (min {clearance}mm)))\n(rule via (constraint annular_width (min 0.12mm)) (constraint hole_size (min 0.2mm)))\n",
     encoding="utf-8")
 
 
@@ -34,10 +32,10 @@ def mm(point):
     return [pcbnew.ToMM(point.x), -pcbnew.ToMM(point.y)]
 
 
-lines = [item for item in footprint.GraphicalItems() if isinstance(item, pcbnew.PCB_SHAPE)]
+shapes = [item for item in footprint.GraphicalItems() if isinstance(item, pcbnew.PCB_SHAPE)]
 json.dump({
-    "lines": [[item.GetLayerName(), mm(item.GetStart()), mm(item.GetEnd()), pcbnew.ToMM(item.GetWidth())]
-              for item in lines],
+    "lines": [[shape.GetLayerName(), mm(shape.GetStart()), mm(shape.GetEnd()), pcbnew.ToMM(shape.GetWidth())]
+              for shape in shapes],
     "pads": {pad.GetNumber(): [mm(pad.GetPosition()), pcbnew.ToMM(pad.GetSize().x), pcbnew.ToMM(pad.GetDrillSize().x)]
              for pad in footprint.Pads()},
 }, sys.stdout)

@@ -9,7 +9,9 @@ use crate::metadata::{self, Package};
 use crate::process::{Invocation, Workspace};
 use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
+use crate::{
+    book, deps, evidence, firmware, fuzz, hardware, hygiene, package_files, panic_free, python,
+};
 
 /// The test suite: every crate with its default features and with those that have their own tests.
 pub(crate) fn test_steps() -> Vec<Step> {
@@ -31,6 +33,18 @@ fn python_tests() -> Step {
         needs: vec![Need::Target(FIRMWARE_TARGET)],
         action: Action::Check(python::check),
         remedy: "fix what the failed test describes; for a package that is missing, see the cause",
+    }
+}
+
+/// Checks of boards and exports, which need KiCad.
+fn hardware_checks() -> Step {
+    Step {
+        name: "hardware",
+        purpose: "the carrier keeps KiCad's rules, and exported boards, drawings and moulds are what the design says; \
+                  only when it is named",
+        needs: Vec::new(),
+        action: Action::Check(hardware::check),
+        remedy: "fix what is named above; the checks stand in hardware/check.py and hardware/check_exports.py",
     }
 }
 
@@ -70,6 +84,7 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
         return Ok(steps);
     }
     steps.push(python_tests());
+    steps.push(hardware_checks());
     select(steps, only)
 }
 

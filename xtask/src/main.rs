@@ -9,6 +9,7 @@ mod evidence;
 mod firmware;
 mod fuzz;
 mod gate;
+mod hardware;
 mod hygiene;
 mod members;
 mod metadata;

@@ -23,7 +23,7 @@ const ENVIRONMENT: &str = "target/python";
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let tool = text(&build_tool(workspace)?)?;
     let image = text(&firmware::build(workspace)?)?;
-    let python = install(workspace)?;
+    let python = install(workspace, PACKAGES, ENVIRONMENT)?;
     // Python writes nothing beside the tests: no bytecode, no cache.
     let tests = Invocation::new(
         &python,
@@ -38,18 +38,18 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
 }
 
 /// Builds the tool with the settings of the tests, and returns its path.
-fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
+pub(crate) fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
     let mut arguments = vec!["build", "--locked", "--package", "palpate"];
     arguments.extend(["--message-format", "json-render-diagnostics"]);
     workspace.build(&Invocation::cargo(&arguments))
 }
 
-/// Creates the environment with all packages of the list; returns its Python.
-fn install(workspace: &Workspace) -> Result<String> {
-    let environment = workspace.root().join(ENVIRONMENT);
+/// Creates an environment with all packages of a list; returns its Python.
+pub(crate) fn install(workspace: &Workspace, list: &str, folder: &str) -> Result<String> {
+    let environment = workspace.root().join(folder);
     let python = text(&environment.join("bin/python"))?;
-    let listed = fs::read_to_string(workspace.root().join(PACKAGES))
-        .with_context(|| format!("{PACKAGES} could not be read"))?;
+    let listed = fs::read_to_string(workspace.root().join(list))
+        .with_context(|| format!("{list} could not be read"))?;
     // A copy of the list, written when all packages are installed.
     let installed = environment.join("requirements.txt");
     if fs::read_to_string(&installed).is_ok_and(|before| before == listed) {
@@ -59,17 +59,17 @@ fn install(workspace: &Workspace) -> Result<String> {
     workspace.run(&create).context(
         "there is no Python 3.11 with venv: install it, on Debian with `apt-get install python3-venv`",
     )?;
-    let packages = ["-m", "pip", "install", "--quiet", "--requirement", PACKAGES];
+    let packages = ["-m", "pip", "install", "--quiet", "--requirement", list];
     let install = Invocation::new(&python, &packages);
     workspace.run(&install).with_context(|| {
-        format!("the packages of {PACKAGES} could not be installed; this needs a network")
+        format!("the packages of {list} could not be installed; this needs a network")
     })?;
     fs::write(&installed, listed)
-        .with_context(|| format!("{ENVIRONMENT}/requirements.txt could not be written"))?;
+        .with_context(|| format!("{folder}/requirements.txt could not be written"))?;
     Ok(python)
 }
 
-fn text(path: &Path) -> Result<String> {
+pub(crate) fn text(path: &Path) -> Result<String> {
     let text = path.to_str().context("the path is not UTF-8")?;
     Ok(text.to_owned())
 }

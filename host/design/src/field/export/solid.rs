@@ -63,7 +63,8 @@ pub(super) fn spacers(design: &Design) -> Vec<Solid> {
         ([low, high], ends(corners.iter().map(|[r, _]| *r))[1])
     });
     let mut things: Vec<([f64; 2], f64)> = rectangles.chain(parts).collect();
-    things.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+    // Of several that begin at one height the widest comes first.
+    things.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]).then(b.1.total_cmp(&a.1)));
     let mut spacers = Vec::new();
     let Some(&(mut below)) = things.first() else {
         return spacers;
@@ -185,4 +186,82 @@ pub(super) fn stl(solid: &Solid) -> Vec<u8> {
         bytes.extend([0, 0]);
     }
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use palpate_field::design::builtin;
+
+    use super::*;
+
+    /// Every edge of a surface has its opposite once, and the surface encloses the volume of the outline.
+    fn volume_of_closed(solid: &Solid) -> f64 {
+        let bytes = stl(solid);
+        let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+        let mut volume = 0.0;
+        for facet in bytes[84..].chunks_exact(50) {
+            let number = |at: usize| f32::from_le_bytes(facet[at..at + 4].try_into().unwrap());
+            let corners = [12, 24, 36].map(|at| [0, 4, 8].map(|axis| number(at + axis) + 0.0));
+            for side in 0..3 {
+                let ends =
+                    [corners[side], corners[(side + 1) % 3]].map(|place| place.map(f32::to_bits));
+                *edges.entry(ends).or_default() += 1;
+                *edges.entry([ends[1], ends[0]]).or_default() -= 1;
+            }
+            let [a, b, c] = corners.map(|place| place.map(f64::from));
+            let cross = |axis: usize| {
+                b[(axis + 1) % 3] * c[(axis + 2) % 3] - b[(axis + 2) % 3] * c[(axis + 1) % 3]
+            };
+            volume += (0..3).map(|axis| a[axis] * cross(axis)).sum::<f64>() / 6.0;
+        }
+        assert!(
+            edges.values().all(|count| *count == 0),
+            "{} is not closed",
+            solid.name
+        );
+        1e-9 * volume
+    }
+
+    #[test]
+    fn moulds_hold_the_casting_and_all_surfaces_are_closed() {
+        let mould = Mould {
+            wall_m: 2e-3,
+            draft: 0.0175,
+        };
+        for (name, halves) in [("closed", 1), ("A", 1), ("B1", 2)] {
+            let design = builtin(name).unwrap();
+            let part = design.parts.iter().find(|part| part.cast).unwrap();
+            let moulds = moulds(part, &mould);
+            assert_eq!(moulds.len(), halves, "{name}");
+            let mut cavity_m3 = 0.0;
+            for mould in &moulds {
+                let [r_m, top_m] = mould.outline[2];
+                let whole_m3 = 0.5 * TAU * r_m * r_m * (top_m + 2e-3);
+                cavity_m3 += whole_m3 - volume_of_closed(mould);
+                let off = volume_of_closed(mould) / volume_m3(&mould.outline) - 1.0;
+                assert!((-1e-3..0.0).contains(&off), "{name}: {off}");
+            }
+            // The draft leaves the volume as it is, to its second order.
+            let body_m3 = volume_m3(&corners(&part.shape));
+            println!("{name}: {cavity_m3} for {body_m3}");
+            assert!((cavity_m3 / body_m3 - 1.0).abs() < 0.02, "{name}");
+        }
+    }
+
+    #[test]
+    fn spacers_fill_the_empty_spaces_and_reach_as_far_as_both_neighbours() {
+        let spacers = spacers(&builtin("closed-sensing").unwrap());
+        let sizes: Vec<[f64; 2]> = spacers
+            .iter()
+            .map(|disc| [disc.outline[1][0], disc.outline[2][1] - disc.outline[1][1]])
+            .collect();
+        let expected_mm = [[14.0, 4.965], [10.0, 2.0], [6.95, 1.0], [6.95, 1.0]];
+        assert_eq!(sizes.len(), expected_mm.len());
+        for (size_m, expected_mm) in sizes.iter().flatten().zip(expected_mm.iter().flatten()) {
+            assert!((1e3 * size_m - expected_mm).abs() < 1e-9, "{sizes:?}");
+        }
+        assert!(spacers.iter().all(|disc| volume_of_closed(disc) > 0.0));
+    }
 }
