@@ -67,22 +67,26 @@ class Copper:
 
 
 def inductance(coppers, thickness):
-    """L in H by Neumann's sum: three strips abreast, pieces halved, midpoints, geometric mean distances (Grover)."""
+    """L in H by Neumann's sum: three strips abreast, pieces of two widths, midpoints, mean distances (Grover)."""
     parts = []
     for copper in coppers:
-        way = copper.end - copper.start
-        aside = np.cross([0, 0, 1], way) / copper.length[:, None] * copper.width[:, None] / 3
-        own = 0.2235 * (copper.width / 3 + thickness)
-        parts += [(copper.start + share * way + side * aside, way / 2, own) for side in (-1, 0, 1)
-                  for share in (0.25, 0.75)]
+        count = np.maximum(2, np.ceil(copper.length / copper.width / 2)).astype(int)
+        line = np.repeat(np.arange(len(count)), count)
+        share = (np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[line]
+        way = (copper.end - copper.start)[line]
+        aside = np.cross([0, 0, 1], way) / copper.length[line, None] * copper.width[line, None] / 3
+        own = 0.2235 * (copper.width[line] / 3 + thickness)
+        middle = copper.start[line] + share[:, None] * way
+        parts += [(middle + side * aside, way / count[line, None], own) for side in (-1, 0, 1)]
     middle, way, own = (np.concatenate(column) for column in zip(*parts))
     length, total = np.linalg.norm(way, axis=1), 0.0
     for at in range(len(middle)):
         apart = ((middle - middle[at]) ** 2).sum(axis=1) + own * own[at]
         kernel = way @ way[at] / np.sqrt(apart)
-        # A straight piece with itself.
-        ratio = own[at] / length[at]
-        kernel[at] = 2 * length[at] * (np.arcsinh(1 / ratio) + ratio - np.sqrt(1 + ratio ** 2))
+        # The same piece, of this strip and of the strips beside it: parallel filaments of a length, at a distance.
+        near = apart < (0.5 * length[at]) ** 2
+        ratio = np.sqrt(apart[near]) / length[at]
+        kernel[near] = 2 * length[at] * (np.arcsinh(1 / ratio) + ratio - np.sqrt(1 + ratio ** 2))
         total += kernel.sum()
     return 1e-7 * total / 9
 
