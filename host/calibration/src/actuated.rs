@@ -230,7 +230,7 @@ impl Problem {
         for sample in &hardest.samples {
             let part = sample.current_a / self.peak_a;
             let phi = (sample.time_s / hardest.tau_s).ln_1p();
-            let row = vec![1.0, part * part, phi, sample.time_s];
+            let row = [1.0, part * part, phi, sample.time_s];
             system.add(row, sample.deformation_m, 1.0);
         }
         let solution = system.solve("the deformation on the block")?;

@@ -370,7 +370,7 @@ impl<'f> Trains<'f> {
             let is_own = |spring: &f64| train.spring && *spring == train.kappa;
             let springs = self.springs.iter();
             let springs = springs.map(|spring| if is_own(spring) { train.kappa } else { 0.0 });
-            let row = slope.by.into_iter().chain(springs).collect();
+            let row = slope.by.into_iter().chain(springs);
             let there = slope.by.iter().zip(changes);
             let there: f64 = there.map(|(slope, change)| slope * change).sum();
             let right = train.kappa - slope.kappa + there;
@@ -382,7 +382,7 @@ impl<'f> Trains<'f> {
         let springs = self.springs.iter().map(|_| tolerance);
         for (index, sigma) in prior_deviations.chain(springs).enumerate() {
             let row = (0..unknowns).map(|of| f64::from(u8::from(of == index)));
-            system.add(row.collect(), 0.0, 1.0 / sigma);
+            system.add(row, 0.0, 1.0 / sigma);
         }
         system
     }

@@ -118,7 +118,7 @@ fn untouched(runs: &[SampleRun], force: &PressCurve, known: &Known) -> Result<f6
     for sample in &free.falls {
         let square_a2 = sample.current_a * sample.current_a;
         let apparent_m = sample.change * metres_per_change;
-        system.add(vec![1.0, sample.time_s, square_a2], apparent_m, 1.0);
+        system.add([1.0, sample.time_s, square_a2], apparent_m, 1.0);
     }
     let solution = system.solve("the cross-talk")?;
     solution

@@ -64,7 +64,7 @@ impl PressCurve {
         for (change, force_n) in &points {
             let terms = chebyshev(change / greatest_change).take(DEGREE);
             let row = terms.map(|(value, _)| value).chain(further.iter().copied());
-            system.add(row.collect(), *force_n, 1.0);
+            system.add(row, *force_n, 1.0);
         }
         let greatest_n = points
             .iter()
@@ -181,7 +181,7 @@ pub(crate) fn zero_shift_of(
 pub fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
     let mut system = System::new(2);
     for (force_n, stage_m) in bare {
-        system.add(vec![1.0, *force_n], *stage_m, 1.0);
+        system.add([1.0, *force_n], *stage_m, 1.0);
     }
     let solution = system.solve("the bench's frame")?;
     let slope = solution.unknowns.get(1).copied();
@@ -208,7 +208,7 @@ mod tests {
         for step in 1..=1000 {
             let x_m = deepest_m * f64::from(step) * 1e-3;
             let terms = chebyshev(change(x_m) / greatest_change).take(DEGREE);
-            let terms = terms.map(|(value, _)| value).collect();
+            let terms = terms.map(|(value, _)| value);
             system.add(terms, x_m / deepest_m, 1.0);
         }
         let solution = system.solve("the coil's curve").unwrap();

@@ -4,6 +4,8 @@
 //! with the right side as an additional column; the part of that column below the triangle is the
 //! residual.
 
+use std::array;
+use std::iter;
 use std::ops::Index;
 
 use super::Unusable;
@@ -13,7 +15,10 @@ use super::Unusable;
 #[derive(Clone, Debug, Default)]
 pub struct System {
     unknowns: usize,
-    rows: Vec<(Vec<f64>, f64)>,
+    /// Coefficients times their weight, row after row.
+    coefficients: Vec<f64>,
+    /// Right sides times their weight.
+    right: Vec<f64>,
 }
 
 /// The solution with the covariance of the unknowns.
@@ -44,14 +49,16 @@ impl System {
     pub fn new(unknowns: usize) -> Self {
         Self {
             unknowns,
-            rows: Vec::new(),
+            ..Self::default()
         }
     }
 
     /// Adds a row; missing coefficients count as zero.
-    pub fn add(&mut self, coefficients: Vec<f64>, right: f64, weight: f64) {
-        let weighted = coefficients.into_iter().map(|c| c * weight).collect();
-        self.rows.push((weighted, right * weight));
+    pub fn add(&mut self, row: impl IntoIterator<Item = f64>, right: f64, weight: f64) {
+        let weighted = row.into_iter().map(|c| c * weight);
+        let padded = weighted.chain(iter::repeat(0.0));
+        self.coefficients.extend(padded.take(self.unknowns));
+        self.right.push(right * weight);
     }
 
     /// Solves; `what` names the unknowns in the error.
@@ -59,18 +66,17 @@ impl System {
     /// # Errors
     /// If the rows do not determine the unknowns.
     pub fn solve(&self, what: &'static str) -> Result<Solution, Unusable> {
-        let freedom = self.rows.len().saturating_sub(self.unknowns);
+        let freedom = self.right.len().saturating_sub(self.unknowns);
         if freedom == 0 {
             return Err(Unusable::Undetermined(what));
         }
         let mut columns = self.columns();
-        let right = self.rows.iter().map(|(_, right)| *right).collect();
         // Normalised columns make the steps independent of units.
         let lengths: Vec<f64> = columns.iter().map(|column| norm(column)).collect();
         for (column, length) in columns.iter_mut().zip(&lengths) {
             column.iter_mut().for_each(|entry| *entry /= length);
         }
-        columns.push(right);
+        columns.push(self.right.clone());
         triangularise(&mut columns, self.unknowns);
         let inverse = inverse_of_triangle(&columns, self.unknowns);
         let (solved, residual) = columns[self.unknowns].split_at(self.unknowns);
@@ -95,11 +101,11 @@ impl System {
         })
     }
 
-    /// The coefficients by column; short rows are padded with zeros.
+    /// The coefficients by column.
     fn columns(&self) -> Vec<Vec<f64>> {
-        let entry = |row: &[f64], index: usize| row.get(index).copied().unwrap_or(0.0);
+        let rows = self.coefficients.chunks_exact(self.unknowns);
         (0..self.unknowns)
-            .map(|index| self.rows.iter().map(|(row, _)| entry(row, index)).collect())
+            .map(|index| rows.clone().map(|row| row[index]).collect())
             .collect()
     }
 }
@@ -117,12 +123,32 @@ fn triangularise(columns: &mut [Vec<f64>], count: usize) {
         let square = dot(&mirror, &mirror);
         column.fill(0.0);
         column[0] = diagonal;
-        for other in rest {
-            let other = &mut other[index..];
-            let share = 2.0 * dot(&mirror, other) / square;
-            for (entry, mirror) in other.iter_mut().zip(&mirror) {
-                *entry -= share * mirror;
-            }
+        // The processor adds up four sums in the time of one.
+        let (fours, others) = rest.as_chunks_mut::<4>();
+        for four in fours {
+            reflect(four, index, &mirror, square);
+        }
+        for other in others {
+            reflect(array::from_mut(other), index, &mirror, square);
+        }
+    }
+}
+
+/// Reflects columns from row `first` on; `square` is that of the mirror's length.
+fn reflect<const N: usize>(columns: &mut [Vec<f64>; N], first: usize, mirror: &[f64], square: f64) {
+    let parts = columns
+        .each_ref()
+        .map(|column| &column[first..][..mirror.len()]);
+    let mut sums = [0.0; N];
+    for (row, mirror) in mirror.iter().enumerate() {
+        for (sum, part) in sums.iter_mut().zip(parts) {
+            *sum += mirror * part[row];
+        }
+    }
+    for (column, sum) in columns.iter_mut().zip(sums) {
+        let share = 2.0 * sum / square;
+        for (entry, mirror) in column[first..].iter_mut().zip(mirror) {
+            *entry -= share * mirror;
         }
     }
 }
@@ -243,12 +269,12 @@ mod tests {
     fn what_the_rows_do_not_determine_is_an_error() {
         let mut system = System::new(2);
         for index in 0..5 {
-            system.add(vec![f64::from(index), 0.0], 1.0, 1.0);
+            system.add([f64::from(index), 0.0], 1.0, 1.0);
         }
         assert!(system.solve("a column of zeros").is_err());
         let mut short = System::new(2);
-        short.add(vec![1.0, 2.0], 1.0, 1.0);
-        short.add(vec![2.0, 1.0], 1.0, 1.0);
+        short.add([1.0, 2.0], 1.0, 1.0);
+        short.add([2.0, 1.0], 1.0, 1.0);
         assert!(short.solve("nothing left for the residual").is_err());
     }
 
@@ -262,7 +288,7 @@ mod tests {
             let solved = |unit: f64| {
                 let mut system = System::new(3);
                 for ([a, b, c], right) in &rows {
-                    system.add(vec![a * unit, *b, *c], *right, 1.0);
+                    system.add([a * unit, *b, *c], *right, 1.0);
                 }
                 system.solve("random").unwrap()
             };

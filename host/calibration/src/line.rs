@@ -35,11 +35,10 @@ impl Actuated {
     }
 
     /// The samples of a train as points of its line.
-    fn points(&self, samples: &[FallSample], sensing_n_per_m: f64) -> Vec<LinePoint> {
-        let point = |sample: &FallSample| LinePoint {
-            time_s: sample.time_s,
-            deformation_m: sample.deformation_m,
-            compliance: self.compliance(sample, sensing_n_per_m),
+    fn points(&self, samples: &[FallSample], sensing_n_per_m: f64, tau_s: f64) -> Vec<LinePoint> {
+        let point = |sample: &FallSample| {
+            let compliance = self.compliance(sample, sensing_n_per_m);
+            LinePoint::new(sample.time_s, tau_s, sample.deformation_m, compliance)
         };
         samples.iter().map(point).collect()
     }
@@ -51,17 +50,17 @@ impl Actuated {
         sensing_n_per_m: f64,
         tau_s: f64,
     ) -> Result<Bend, Unusable> {
-        let points = self.points(samples, sensing_n_per_m);
-        let line = TrainFit::of(&points, tau_s)?;
+        let points = self.points(samples, sensing_n_per_m, tau_s);
+        let line = TrainFit::of(&points)?;
         let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
         let mut system = System::new(5);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for point in &points {
             let h = point.compliance - self.ratio;
             (low, high) = (low.min(h), high.max(h));
-            let (mut row, residual) = line.linearised(point, depth_m);
-            row.push(line.by_compliance(point) * h * h);
-            system.add(row, residual, 1.0 / depth_m);
+            let (row, residual) = line.linearised(point, depth_m);
+            let bent = line.by_compliance(point) * h * h;
+            system.add(row.into_iter().chain([bent]), residual, 1.0 / depth_m);
         }
         let solved = system.solve("the bend of a train by itself")?;
         // h is zero or negative, and its span counts as negative too.
@@ -82,7 +81,7 @@ impl Actuated {
         sensing_n_per_m: f64,
         tau_s: f64,
     ) -> Result<TrainFit, Unusable> {
-        TrainFit::of(&self.points(samples, sensing_n_per_m), tau_s)
+        TrainFit::of(&self.points(samples, sensing_n_per_m, tau_s))
     }
 
     /// Standard error of kappa by a train's own line, from the scatter between its falls: noise and
@@ -96,8 +95,8 @@ impl Actuated {
     ) -> Result<f64, Unusable> {
         /// Index of kappa among the unknowns.
         const KAPPA: usize = 2;
-        let points = self.points(samples, sensing_n_per_m);
-        let line = TrainFit::of(&points, tau_s)?;
+        let points = self.points(samples, sensing_n_per_m, tau_s);
+        let line = TrainFit::of(&points)?;
         let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
         let rows: Vec<_> = points
             .iter()
@@ -105,12 +104,12 @@ impl Actuated {
             .collect();
         let mut system = System::new(4);
         for (row, residual) in &rows {
-            system.add(row.clone(), *residual, 1.0);
+            system.add(*row, *residual, 1.0);
         }
         let solved = system.solve(TRAIN)?;
         let variance = solved.sigma * solved.sigma;
         // Contribution of a sample's error to kappa.
-        let moved = |(row, residual): &(Vec<f64>, f64)| {
+        let moved = |(row, residual): &([f64; 4], f64)| {
             let terms = row.iter().enumerate();
             let terms = terms.map(|(place, entry)| solved.covariance[(KAPPA, place)] * entry);
             terms.sum::<f64>() / variance * residual
@@ -171,18 +170,29 @@ pub struct LinePoint {
     pub deformation_m: f64,
     /// c_S/c_D(I), with the attraction as a compliance.
     pub compliance: f64,
+    /// phi(t).
+    phi: f64,
 }
 
 impl LinePoint {
+    /// Point of a train; `tau_s` is the age of the press at the start of the train, s.
+    pub fn new(time_s: f64, tau_s: f64, deformation_m: f64, compliance: f64) -> Self {
+        Self {
+            time_s,
+            deformation_m,
+            compliance,
+            phi: (time_s / tau_s).ln_1p(),
+        }
+    }
+
     /// Equation of the point: coefficients (total travel over `depth_m` and its drifts, kappa),
     /// right side and weight.
-    fn row(&self, depth_m: f64, tau_s: f64) -> (Vec<f64>, f64, f64) {
-        let phi = (self.time_s / tau_s).ln_1p();
+    fn row(&self, depth_m: f64) -> ([f64; 4], f64, f64) {
         let level = depth_m / self.deformation_m;
         let right = 1.0 + self.compliance;
         // Noise of x changes the equation by x_0/x^2 times the noise.
         let weight = (level * level).recip();
-        let row = vec![level, level * phi, -1.0, level * self.time_s];
+        let row = [level, level * self.phi, -1.0, level * self.time_s];
         (row, right, weight)
     }
 }
@@ -201,24 +211,21 @@ pub struct TrainFit {
     pub linear: f64,
     /// Load as c_S/c_L.
     pub kappa: f64,
-    /// Time constant of phi, s.
-    pub tau_s: f64,
 }
 
 impl TrainFit {
-    /// Fits a line to the points of one train; `tau_s` is the age of the press at the start of the
-    /// train, s.
+    /// Fits a line to the points of one train.
     ///
     /// # Errors
     /// If the points do not determine the line.
-    pub fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
+    pub fn of(points: &[LinePoint]) -> Result<Self, Unusable> {
         let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
         let mut system = System::new(4);
         for point in points {
-            let (row, right, weight) = point.row(depth_m, tau_s);
+            let (row, right, weight) = point.row(depth_m);
             system.add(row, right, weight);
         }
-        let mut line = Self::default().changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+        let mut line = Self::default().changed(&system.solve(TRAIN)?.unknowns, depth_m)?;
         for _ in 0..MOST_STEPS {
             let mut system = System::new(4);
             for point in points {
@@ -226,7 +233,7 @@ impl TrainFit {
                 system.add(row, residual, 1.0 / depth_m);
             }
             let before = line.kappa;
-            line = line.changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+            line = line.changed(&system.solve(TRAIN)?.unknowns, depth_m)?;
             if (line.kappa - before).abs() <= SETTLED * (1.0 + line.kappa.abs()) {
                 return Ok(line);
             }
@@ -236,7 +243,7 @@ impl TrainFit {
 
     /// Applies changes of the unknowns: total travel over `depth_m` and its drifts, with kappa as
     /// the third.
-    fn changed(&self, changes: &[f64], depth_m: f64, tau_s: f64) -> Result<Self, Unusable> {
+    fn changed(&self, changes: &[f64], depth_m: f64) -> Result<Self, Unusable> {
         let &[total, drift, kappa, linear] = changes else {
             return Err(Unusable::Undetermined(TRAIN));
         };
@@ -247,17 +254,15 @@ impl TrainFit {
             drift: of_total(self.drift, drift),
             linear: of_total(self.linear, linear),
             kappa: self.kappa + kappa,
-            tau_s,
         })
     }
 
     /// Derivatives of the deformation with respect to the unknowns, and its residual, m.
-    fn linearised(&self, point: &LinePoint, depth_m: f64) -> (Vec<f64>, f64) {
+    fn linearised(&self, point: &LinePoint, depth_m: f64) -> ([f64; 4], f64) {
         let by_total = depth_m / self.whole(point);
-        let phi = (point.time_s / self.tau_s).ln_1p();
-        let row = vec![
+        let row = [
             by_total,
-            by_total * phi,
+            by_total * point.phi,
             self.by_compliance(point),
             by_total * point.time_s,
         ];
@@ -271,7 +276,7 @@ impl TrainFit {
 
     /// Deformation of the line at a point, m.
     fn deformation_m(&self, point: &LinePoint) -> f64 {
-        self.total_m * self.drifted(point.time_s) / self.whole(point)
+        self.total_m * self.drifted(point) / self.whole(point)
     }
 
     /// Derivative of the deformation with respect to g, m.
@@ -280,8 +285,8 @@ impl TrainFit {
     }
 
     /// 1 + d phi(t) + e t.
-    pub fn drifted(&self, time_s: f64) -> f64 {
-        1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
+    pub fn drifted(&self, point: &LinePoint) -> f64 {
+        1.0 + self.drift * point.phi + self.linear * point.time_s
     }
 
     /// 1/x without drift at a compliance, 1/m.

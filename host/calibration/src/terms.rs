@@ -19,7 +19,7 @@ pub(crate) fn terms(ratio: f64, variance: impl Fn(f64) -> f64) -> Result<[f64; 3
         for kappa in KAPPAS {
             let (squares, variance) = (squares(kappa), variance(kappa));
             let row = used.iter().filter_map(|index| squares.get(*index).copied());
-            system.add(row.collect(), variance, 1.0 / variance);
+            system.add(row, variance, 1.0 / variance);
         }
         let found = system.solve("the uncertainty")?.unknowns;
         let lowest = found.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));

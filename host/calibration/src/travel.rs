@@ -286,7 +286,7 @@ impl Travel {
         let presses = presses.filter(|run| run.pressed == Pressed::Block);
         for sample in presses.flat_map(|run| &run.press) {
             if let Some(force_n) = sample.force_n {
-                system.add(vec![self.on_block.at(sample.change)], force_n, 1.0);
+                system.add([self.on_block.at(sample.change)], force_n, 1.0);
             }
         }
         let solution = system.solve("the force over the stage's travel")?;

@@ -190,7 +190,7 @@ impl Added {
 fn fit<'f>(samples: impl Iterator<Item = &'f Fallen>) -> Option<(f64, f64)> {
     let mut system = System::new(3);
     for sample in samples {
-        let row = vec![1.0, sample.time_s, sample.current_a.powi(2)];
+        let row = [1.0, sample.time_s, sample.current_a.powi(2)];
         system.add(row, sample.change, 1.0);
     }
     match system.solve("the cross-talk").ok()?.unknowns.as_slice() {

@@ -216,7 +216,7 @@ fn follows(
     let mut system = System::new(4);
     for (at, value) in &points {
         let part = at / change;
-        let row = vec![1.0, part, part.powi(2), part.powi(3)];
+        let row = [1.0, part, part.powi(2), part.powi(3)];
         system.add(row, value / way, 1.0);
     }
     Ok(Some(system.solve("a gauge in a press")?.sigma))

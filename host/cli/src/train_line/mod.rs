@@ -116,19 +116,23 @@ impl Train {
             [before, this, after]
                 if fall.between(at(before), at(this)) && fall.between(at(this), at(after)) =>
             {
-                Some(LinePoint {
-                    time_s: this.time_s - began_s,
-                    deformation_m: this.deformation_m,
-                    compliance: law.compliance(this),
-                })
+                let time_s = this.time_s - began_s;
+                let tau_s = began_s - touched_s;
+                let compliance = law.compliance(this);
+                Some(LinePoint::new(
+                    time_s,
+                    tau_s,
+                    this.deformation_m,
+                    compliance,
+                ))
             }
             _ => None,
         });
         let falls: Vec<_> = falls.collect();
-        let fit = TrainFit::of(&falls, began_s - touched_s).ok()?;
+        let fit = TrainFit::of(&falls).ok()?;
         let every = falls.len().div_ceil(DRAWN).max(1);
         let points = falls.iter().step_by(every).map(|of| {
-            let drifted = fit.drifted(of.time_s);
+            let drifted = fit.drifted(of);
             let line_per_m = fit.inverse_per_m(of.compliance);
             Point {
                 compliance: of.compliance,

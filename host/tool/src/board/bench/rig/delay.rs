@@ -62,7 +62,7 @@ fn loop_n(points: &[(f64, f64)], track: &Track, delay_s: f64) -> Option<f64> {
     let mut count = 0;
     for (time_s, part) in points {
         if let Some(force_n) = track.at(time_s + delay_s) {
-            let row = vec![1.0, *part, part.powi(2), part.powi(3)];
+            let row = [1.0, *part, part.powi(2), part.powi(3)];
             system.add(row, force_n, 1.0);
             count += 1;
         }
