@@ -336,18 +336,15 @@ impl Circuit {
         let [first, second] = halves;
         let ((first_top, first_v), (second_top, second_v)) =
             (end(first, flows), end(second, -flows));
-        let diodes = [first, second]
-            .into_iter()
-            .filter(|&half| half == Half::Diodes)
-            .count();
+        let transistor = |half: Half| if half == Half::Diodes { 0.0 } else { 1.0 };
+        let transistors = transistor(first) + transistor(second);
         let from_supply = first_top - second_top;
-        let transistors = 2.0 - diodes as f64;
         Mesh {
             voltage_v: from_supply * p.supply_v + first_v - second_v,
             resistance_ohm: p.coil_ohm
                 + 0.5 * transistors * p.bridge_ohm
                 + from_supply * from_supply * p.supply_ohm,
-            through_diodes: diodes > 0,
+            through_diodes: transistors < 2.0,
             from_supply,
         }
     }
@@ -358,7 +355,8 @@ impl Circuit {
         let halves = self.conducts();
         let mesh = self.mesh(halves);
         let mut span_s = left_s;
-        for change_s in self.dead_until_s.into_iter().chain([self.shorted_until_s]) {
+        let [first_s, second_s] = self.dead_until_s;
+        for change_s in [first_s, second_s, self.shorted_until_s] {
             if change_s > now_s {
                 span_s = span_s.min(change_s - now_s);
             }
@@ -368,14 +366,12 @@ impl Circuit {
         }
         let rate = mesh.resistance_ohm / self.parameters.inductance_h;
         let end_a = mesh.voltage_v / mesh.resistance_ohm;
-        if mesh.through_diodes {
-            // Time until the current has decayed: exp(-rate t) = end/(end - i).
-            let dies_s = libm::log((end_a - self.current_a) / end_a) / rate;
-            if dies_s >= 0.0 && dies_s <= span_s {
-                self.exponential(&mesh, end_a, rate, dies_s);
-                self.current_a = 0.0;
-                return;
-            }
+        if mesh.through_diodes
+            && let Some(dies_s) = self.crosses(0.0, end_a, rate, span_s)
+        {
+            self.exponential(&mesh, end_a, rate, dies_s);
+            self.current_a = 0.0;
+            return;
         }
         if let Some(trip_s) = self.trip(&mesh, end_a, rate, span_s) {
             span_s = span_s.min(trip_s);
@@ -401,20 +397,28 @@ impl Circuit {
         if self.trips_s.is_finite() {
             return Some((self.trips_s - now_s).max(0.0));
         }
-        let towards = limit_a * end_a.signum();
         let crosses_s = if self.current_a.abs() >= limit_a {
             0.0
         } else if end_a.abs() > limit_a {
-            libm::log((end_a - self.current_a) / (end_a - towards)) / rate
+            self.crosses(limit_a * end_a.signum(), end_a, rate, span_s)?
         } else {
             return None;
         };
-        if crosses_s > span_s {
-            return None;
-        }
         let trip_s = crosses_s + self.parameters.limit_delay_s;
         self.trips_s = now_s + trip_s;
         Some(trip_s)
+    }
+
+    /// Time at which the current, on its way to `end_a`, is `at_a`, s; `None` if not in this piece.
+    fn crosses(&self, at_a: f64, end_a: f64, rate: f64, span_s: f64) -> Option<f64> {
+        let way_a = end_a - self.current_a;
+        // The current changes fastest at the start. Twice that leaves room for rounding.
+        if (at_a - self.current_a).abs() > 2.0 * way_a.abs() * rate * span_s {
+            return None;
+        }
+        // exp(-rate t) = (end - at)/(end - i)
+        let time_s = libm::log(way_a / (end_a - at_a)) / rate;
+        (0.0..=span_s).contains(&time_s).then_some(time_s)
     }
 
     fn exponential(&mut self, mesh: &Mesh, end_a: f64, rate: f64, span_s: f64) {

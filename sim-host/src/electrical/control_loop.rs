@@ -217,19 +217,16 @@ impl ControlLoop {
         let full = self.hardware.full_level;
         let mut now = from;
         let mut inputs = [false; 2];
-        for (at, next) in edges([levels.in1, levels.in2], full) {
-            let until = at.min(to);
-            if until > now {
+        for (at, next) in edges([levels.in1, levels.in2], full).take_while(|&(at, _)| at < to) {
+            if at > now {
                 self.circuit
-                    .advance(Pins { awake, inputs }, (until - now) * period_s);
-                now = until;
+                    .advance(Pins { awake, inputs }, (at - now) * period_s);
+                now = at;
             }
             inputs = next;
         }
-        if to > now {
-            self.circuit
-                .advance(Pins { awake, inputs }, (to - now) * period_s);
-        }
+        self.circuit
+            .advance(Pins { awake, inputs }, (to - now) * period_s);
         self.circuit.parameters.limit_a = limit_a;
     }
 

@@ -25,8 +25,8 @@ pub use sense::{Converter, ConverterParameters, Filter, thermistor_v};
 pub fn edges(levels: [u16; 2], full: u16) -> impl Iterator<Item = (f64, [bool; 2])> {
     let part = |level: u16| 0.5 * f64::from(level.min(full)) / f64::from(full);
     let [first, second] = levels.map(part);
-    let mut moments = [0.0, first, second, 1.0 - first, 1.0 - second];
-    moments.sort_by(f64::total_cmp);
+    let (low, high) = (first.min(second), first.max(second));
+    let moments = [0.0, low, high, 1.0 - high, 1.0 - low];
     let is_high = move |high: f64, at: f64| at < high || at >= 1.0 - high;
     let mut last = None;
     moments.into_iter().filter_map(move |at| {
