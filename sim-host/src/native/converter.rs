@@ -286,9 +286,7 @@ impl<'a> Port for NativePort<'a> {
     }
 
     fn shut_down(&mut self, off: bool) {
-        if self.wiring.has(self.converter)
-            && let Some(chip) = self.wiring.chips().get(self.converter)
-        {
+        if let Some(chip) = self.wiring.chips().get(self.converter) {
             chip.borrow_mut().set_shutdown(off);
         }
     }

@@ -16,7 +16,7 @@ use crate::world::{SharedWorld, World};
 /// Converters, coil, world and flash that are connected to a board.
 pub struct Wiring {
     world: SharedWorld,
-    /// Both converters. An absent second one stays in shutdown, so it does not answer.
+    /// Both converters; the second one may be absent.
     chips: [RefCell<Chip<DrivenWorld>>; CONVERTERS],
     has_second: bool,
     pub(super) drive: Rc<RefCell<CoilDrive>>,
@@ -99,33 +99,34 @@ impl Wiring {
         first
     }
 
-    /// Both converters. An absent one stays in shutdown, and does not answer.
+    /// The connected converters, one or two.
     #[must_use]
-    pub const fn chips(&self) -> &[RefCell<Chip<DrivenWorld>>; CONVERTERS] {
-        &self.chips
-    }
-
-    pub(super) const fn has(&self, converter: usize) -> bool {
-        converter == 0 || self.has_second
+    pub const fn chips(&self) -> &[RefCell<Chip<DrivenWorld>>] {
+        let [first, _] = &self.chips;
+        if self.has_second {
+            &self.chips
+        } else {
+            core::slice::from_ref(first)
+        }
     }
 
     /// Current virtual time: that of the most advanced converter.
     pub(super) fn now(&self) -> Time {
-        let times = self.chips.iter().map(|chip| chip.borrow().now());
+        let times = self.chips().iter().map(|chip| chip.borrow().now());
         times.max().unwrap_or(Time::ZERO)
     }
 
     /// Advances until INTB of a converter falls, or to `limit`.
     pub(super) fn advance_to_edge(&self, limit: Time) {
         let falls = || -> u64 {
-            let falls = self.chips.iter().map(|chip| chip.borrow().interrupts());
+            let falls = self.chips().iter().map(|chip| chip.borrow().interrupts());
             falls.sum()
         };
         let before = falls();
         while falls() == before {
-            let events = self.chips.iter().map(|chip| chip.borrow().next_event());
+            let events = self.chips().iter().map(|chip| chip.borrow().next_event());
             let due = events.flatten().min().filter(|&due| due < limit);
-            for chip in &self.chips {
+            for chip in self.chips() {
                 chip.borrow_mut().advance_to(due.unwrap_or(limit));
             }
             if due.is_none() {
