@@ -145,7 +145,8 @@ impl<P: Plant> EmulatedBoard<P> {
 
     fn run_while(&mut self, goes_on: impl Fn(&Self) -> bool) -> Result<(), Uf2Error> {
         while goes_on(self) {
-            self.step(u64::MAX).map_err(Uf2Error::Stopped)?;
+            self.step(u64::MAX);
+            self.goes_on().map_err(Uf2Error::Stopped)?;
         }
         Ok(())
     }

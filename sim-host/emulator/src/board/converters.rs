@@ -36,7 +36,7 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
     pub(crate) fn next_event(&self) -> Option<u64> {
         let second = self.second.as_ref().and_then(Chip::next_event);
         let events = [self.first.next_event(), second];
-        events.into_iter().flatten().min().map(Time::as_ps)
+        events.iter().flatten().min().map(|due| due.as_ps())
     }
 
     /// Levels of the converters' INTB pins; high for an absent converter.

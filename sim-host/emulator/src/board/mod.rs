@@ -223,7 +223,8 @@ impl<P: Plant> EmulatedBoard<P> {
     pub fn run_for(&mut self, time: Time) -> Result<(), Stop> {
         let end_ps = (self.now() + time).as_ps();
         while self.bus.clock.now_ps() < end_ps {
-            self.step(end_ps)?;
+            self.step(end_ps);
+            self.goes_on()?;
         }
         Ok(())
     }
@@ -242,12 +243,13 @@ impl<P: Plant> EmulatedBoard<P> {
             if self.bus.clock.now_ps() >= end_ps {
                 return Err(Stop::TimedOut);
             }
-            self.step(end_ps)?;
+            self.step(end_ps);
+            self.goes_on()?;
         }
         Ok(())
     }
 
-    fn step(&mut self, end_ps: u64) -> Result<(), Stop> {
+    fn step(&mut self, end_ps: u64) {
         if self.bus.private.interrupts.any() {
             self.take_interrupt();
         }
@@ -273,7 +275,15 @@ impl<P: Plant> EmulatedBoard<P> {
         if self.bus.watchdog.has_fired {
             self.reset_by_watchdog();
         }
-        self.bus.stop.map_or(Ok(()), Err)
+    }
+
+    /// The reason to stop, if there is one; apart from a step, which would pass it on by copying.
+    #[inline]
+    fn goes_on(&self) -> Result<(), Stop> {
+        if let Some(stop) = self.bus.stop {
+            return Err(stop);
+        }
+        Ok(())
     }
 
     fn service(&mut self) {

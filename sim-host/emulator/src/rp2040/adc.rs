@@ -39,14 +39,6 @@ pub(crate) struct Adc {
     converting: Option<(u64, u16)>,
 }
 
-/// A conversion: its input, its sampling time, and the time of its result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct AdcConversion {
-    pub(crate) input: usize,
-    pub(crate) sampled_ps: u64,
-    pub(crate) done_ps: u64,
-}
-
 impl Adc {
     pub(crate) fn write(
         &mut self,
@@ -141,34 +133,28 @@ impl Adc {
         })
     }
 
-    /// Next conversion to be sampled.
-    pub(crate) fn next(&self) -> Option<AdcConversion> {
-        if !self.runs() {
-            return None;
-        }
-        let mask = self.control >> 16 & 0x1F;
-        let inputs = u64::from(mask.count_ones());
-        let input = match inputs {
-            0 => 0,
-            _ => {
-                let turn = self.sampled % inputs;
-                (0..5)
-                    .filter(|input| mask >> input & 1 == 1)
-                    .nth(turn as usize)?
-            }
-        };
-        let at_ps = |count| self.began_ps + periods_ps(CONVERSION * count, self.clock_hz);
-        Some(AdcConversion {
-            input,
-            sampled_ps: at_ps(self.sampled),
-            done_ps: at_ps(self.sampled + 1),
-        })
+    /// Time at which the next conversion is sampled.
+    pub(crate) fn next_ps(&self) -> Option<u64> {
+        self.runs().then(|| self.sampled_ps(self.sampled))
     }
 
-    /// Stores the code of the next conversion and advances to the one after it.
-    pub(crate) fn sample(&mut self, conversion: AdcConversion, code: u16) {
-        self.converting = Some((conversion.done_ps, code));
+    fn sampled_ps(&self, conversion: u64) -> u64 {
+        self.began_ps + periods_ps(CONVERSION * conversion, self.clock_hz)
+    }
+
+    /// Input of the next conversion.
+    pub(crate) fn next_input(&self) -> usize {
+        let mask = self.control >> 16 & 0x1F;
+        let turn = self.sampled.checked_rem(mask.count_ones().into());
+        let mut inputs = (0..5).filter(|input| mask >> input & 1 == 1);
+        inputs.nth(turn.unwrap_or(0) as usize).unwrap_or(0)
+    }
+
+    /// Stores the code of the next conversion and advances to the one after it. The result is ready
+    /// when that one is sampled.
+    pub(crate) fn sample(&mut self, code: u16) {
         self.skip(1);
+        self.converting = Some((self.sampled_ps(self.sampled), code));
     }
 
     /// Result of the conversion in progress, if it is complete by a time.

@@ -1,9 +1,20 @@
 //! Interrupts: pending and allowed ones (ARMv6-M architecture, B1.5 and B3.4).
 
+use std::iter;
+
 /// Number of the HardFault exception.
 pub(crate) const HARD_FAULT: u32 = 3;
 /// Exception number of interrupt 0.
 const FIRST: u32 = 16;
+
+/// Numbers of the interrupts in a mask, in order.
+fn numbers(mut mask: u32) -> impl Iterator<Item = u32> {
+    iter::from_fn(move || {
+        let number = mask.trailing_zeros();
+        mask &= mask.wrapping_sub(1);
+        (number < 32).then_some(number)
+    })
+}
 
 /// The nested vectored interrupt controller of one core.
 #[derive(Clone, Debug, Default)]
@@ -38,10 +49,8 @@ impl Interrupts {
 
     /// Takes the exception to enter now, given the active ones, and clears its pending state.
     pub(crate) fn take(&mut self, active: u64) -> Option<u32> {
-        let candidates = self.pending & self.enabled;
-        let number = (0..32_u32)
-            .filter(|number| candidates >> number & 1 == 1)
-            .min_by_key(|&number| self.priority[number as usize])?;
+        let number =
+            numbers(self.pending()).min_by_key(|&number| self.priority[number as usize])?;
         let priority = i16::from(self.priority[number as usize]);
         if priority >= self.execution_priority(active) {
             return None;
@@ -58,8 +67,7 @@ impl Interrupts {
         if active >> 4 & 0xFFF != 0 {
             return 0;
         }
-        (0..32_u32)
-            .filter(|number| active >> (FIRST + number) & 1 == 1)
+        numbers((active >> FIRST) as u32)
             .map(|number| i16::from(self.priority[number as usize]))
             .min()
             .unwrap_or(i16::MAX)

@@ -197,7 +197,7 @@ impl UsbController {
         let suspends_ps = (self.is_attached() && !self.suspended && self.line == LineState::J)
             .then_some(self.idle_ps + SUSPENDS_PS);
         let connects_ps = self.connecting_ps.map(|end_ps| end_ps + CONNECTS_PS);
-        [suspends_ps, connects_ps].into_iter().flatten().min()
+        [suspends_ps, connects_ps].iter().flatten().min().copied()
     }
 
     /// Processes events that are due.

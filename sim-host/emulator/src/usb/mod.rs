@@ -67,7 +67,7 @@ impl Usb {
 
     pub(crate) fn next_event(&self) -> Option<u64> {
         let events = [self.controller.next_event(), self.host.next_event()];
-        events.into_iter().flatten().min()
+        events.iter().flatten().min().copied()
     }
 
     /// Processes events that are due; returns a request that the emulator does not model.

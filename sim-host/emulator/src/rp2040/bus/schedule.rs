@@ -92,7 +92,7 @@ impl<P: Plant> SystemBus<P> {
             self.rom_calls.next_event(),
             Some(self.coil.report_ps()),
         ];
-        self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
+        self.next_event_ps = due.iter().flatten().min().copied().unwrap_or(u64::MAX);
     }
 
     /// Updates all counters of clocks after a change of the clock tree.

@@ -149,17 +149,17 @@ impl<P: Plant> SystemBus<P> {
     fn run_circuit(&mut self, now_ps: u64) {
         let wave = self.pwm.wave(COIL_SLICE);
         self.skip_conversions(now_ps);
-        while let Some(conversion) = self.adc.next() {
+        while let Some(sampled_ps) = self.adc.next_ps() {
             if let Some(code) = self.adc.take_result(now_ps) {
                 self.store_result(code);
             }
-            if conversion.sampled_ps > now_ps {
+            if sampled_ps > now_ps {
                 break;
             }
-            self.coil.advance(conversion.sampled_ps, &wave);
+            self.coil.advance(sampled_ps, &wave);
             self.check_analogue();
-            match self.coil.convert(conversion.input) {
-                Some(code) => self.adc.sample(conversion, code),
+            match self.coil.convert(self.adc.next_input()) {
+                Some(code) => self.adc.sample(code),
                 None => {
                     self.adc.skip(1);
                     self.fail("a conversion of an input that is not connected");

@@ -348,7 +348,7 @@ impl UsbHost {
             self.token_due_ps,
             self.flight.as_ref().map(|flight| flight.end_ps),
         ];
-        due.into_iter().flatten().min()
+        due.iter().flatten().min().copied()
     }
 
     /// Processes events that are due.
