@@ -18,6 +18,7 @@ mod quantities;
 mod rows;
 mod search;
 mod sensing;
+mod solution;
 mod solve;
 mod stack;
 mod sweep;
@@ -25,6 +26,8 @@ mod tables;
 
 use clap::{Args, Subcommand};
 use palpate_cli::failure::Failure;
+
+pub use solution::Solution;
 
 /// Solve and design the magnetic field of the actuated layer.
 #[derive(Args)]

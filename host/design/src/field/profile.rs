@@ -50,7 +50,7 @@ pub(super) enum ProfileLine {
     Radius(f64),
 }
 
-fn line(text: &str) -> Result<ProfileLine, String> {
+pub(super) fn line(text: &str) -> Result<ProfileLine, String> {
     let allowed = "allowed: axis, radius@x=MM, parallel@r=MM";
     let number = |text: &str| {
         let value: f64 = text.parse().map_err(|_| allowed)?;
@@ -100,6 +100,32 @@ impl ProfileLine {
             .collect()
     }
 
+    /// Range of the line between two ends, mm; without them, within the circle around the design. The
+    /// range is in m.
+    pub(super) fn between(
+        self,
+        solved: &Solved,
+        ends_mm: [Option<f64>; 2],
+    ) -> Result<[f64; 2], Failure> {
+        let mut range = self.range(solved);
+        for (end, given) in range.iter_mut().zip(ends_mm) {
+            if let Some(given) = given {
+                *end = 1e-3 * given;
+            }
+        }
+        let lowest = if matches!(self, Self::Radius(_)) {
+            0.0
+        } else {
+            f64::NEG_INFINITY
+        };
+        if !(range[0] < range[1] && range[0] >= lowest && range[1].is_finite()) {
+            return Err(Failure::Argument(
+                "--from has to be below --to, and for a radius 0 or more".to_owned(),
+            ));
+        }
+        Ok(range)
+    }
+
     /// Range of the line within the circle around the design, m.
     pub(super) fn range(self, solved: &Solved) -> [f64; 2] {
         let circle = solved.level.space.mesh.circle;
@@ -118,22 +144,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.attempt(&design, &arguments.source.effort)?;
     BeyondTable::say_all(&design, &solved);
-    let mut range = arguments.along.range(&solved);
-    for (end, given) in range.iter_mut().zip([arguments.from, arguments.to]) {
-        if let Some(given) = given {
-            *end = 1e-3 * given;
-        }
-    }
-    let lowest = if matches!(arguments.along, ProfileLine::Radius(_)) {
-        0.0
-    } else {
-        f64::NEG_INFINITY
-    };
-    if !(range[0] < range[1] && range[0] >= lowest && range[1].is_finite()) {
-        return Err(Failure::Argument(
-            "--from has to be below --to, and for a radius 0 or more".to_owned(),
-        ));
-    }
+    let range = (arguments.along).between(&solved, [arguments.from, arguments.to])?;
     let points = arguments.along.points(range, arguments.points);
     let solved = sharpened(&design, solved, &points, &arguments.source.effort)?;
     let samples = arguments.along.sample(&solved, &points);

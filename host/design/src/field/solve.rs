@@ -88,7 +88,7 @@ impl SolvedFigures {
     }
 
     /// Computes the figures of a solved field.
-    fn of(design: &Design, solved: &Solved, drive: Drive) -> Result<Self, Failure> {
+    pub(super) fn of(design: &Design, solved: &Solved, drive: Drive) -> Result<Self, Failure> {
         let derivatives = match drive {
             Drive::Current(_) => Some(KeyedDerivatives(by_current(design, solved)?)),
             Drive::PerAmpere | Drive::Background => None,

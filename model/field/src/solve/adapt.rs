@@ -31,7 +31,7 @@ pub struct SolveReport {
 }
 
 /// A solved design.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Solved {
     /// The last mesh with its materials.
     pub level: Level,

@@ -11,7 +11,7 @@ use crate::material::{MU_0, Material};
 use crate::mesh::{Region, ascending};
 
 /// The problem on one mesh: the space, the materials of its regions and the currents in them.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Level {
     /// The mesh with its unknowns.
     pub space: Space,
