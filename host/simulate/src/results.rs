@@ -30,7 +30,7 @@ pub struct Measured {
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct ResultLine<'m> {
+pub struct ResultLine<'m> {
     simulated: bool,
     load: &'m str,
     /// Tangent stiffness of the load with its support; absent if infinite.
@@ -56,20 +56,7 @@ struct ResultLine<'m> {
 pub fn print_json(row: &[Measured]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     for measured in row {
-        let truth = measured.pressed.true_n_per_m;
-        let line = ResultLine {
-            simulated: true,
-            load: &measured.load,
-            true_n_per_m: truth.is_finite().then_some(truth),
-            true_force_n: measured.pressed.true_force_n,
-            estimate: measured.verdict.estimate(),
-            within_claim: measured.verdict.holds(truth),
-            true_young_pa: measured.true_young_pa(),
-            modulus: measured.pressed.modulus.as_ref(),
-            reason: measured.verdict.reason(),
-            relaxation: measured.relaxation(),
-        };
-        writeln!(out, "{}", serde_json::to_string(&line)?)?;
+        writeln!(out, "{}", serde_json::to_string(&measured.line())?)?;
     }
     Ok(())
 }
@@ -170,6 +157,23 @@ fn table(row: &[Measured]) -> Table {
 }
 
 impl Measured {
+    /// The press as a line of JSON.
+    pub fn line(&self) -> ResultLine<'_> {
+        let truth = self.pressed.true_n_per_m;
+        ResultLine {
+            simulated: true,
+            load: &self.load,
+            true_n_per_m: truth.is_finite().then_some(truth),
+            true_force_n: self.pressed.true_force_n,
+            estimate: self.verdict.estimate(),
+            within_claim: self.verdict.holds(truth),
+            true_young_pa: self.true_young_pa(),
+            modulus: self.pressed.modulus.as_ref(),
+            reason: self.verdict.reason(),
+            relaxation: self.relaxation(),
+        }
+    }
+
     /// Last report of the object's relaxation, if it relaxes.
     pub fn relaxation(&self) -> Option<&Relaxation> {
         let records = self

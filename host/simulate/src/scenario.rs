@@ -114,7 +114,13 @@ fn measure(
     what: &scenario::Press,
     engine: &dyn Engine,
 ) -> Result<Measured, Failure> {
-    let how = Press {
+    let pressed = press(instrument, &profile(instrument, what), engine)?;
+    Ok(Measured::new(what.name.clone(), pressed))
+}
+
+/// Profile of a scenario's press, with the instrument's depth and speed where it states none.
+pub fn profile(instrument: &CalibratedInstrument, what: &scenario::Press) -> Press {
+    Press {
         name: what.name.clone(),
         load: what.load,
         contact: Contact::default(),
@@ -122,9 +128,7 @@ fn measure(
         clearance_m: CLEARANCE_M,
         depth_m: what.depth_m.unwrap_or(instrument.depth_m),
         speed_m_per_s: what.speed_m_per_s.unwrap_or(SPEED_M_PER_S),
-    };
-    let pressed = press(instrument, &how, engine)?;
-    Ok(Measured::new(what.name.clone(), pressed))
+    }
 }
 
 /// Formats the frames of all presses, press by press.
