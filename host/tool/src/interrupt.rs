@@ -1,8 +1,8 @@
 //! Ctrl-C as a request to end, for verbs that must complete something.
 
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use palpate_cli::failure::Failure;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -10,6 +10,28 @@ use signal_hook::flag;
 
 /// Exit code after a second Ctrl-C, as shells report it: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
+
+/// Whether the program around this library asks to end waits for boards; unset in the tool.
+static PROGRAM: OnceLock<fn() -> bool> = OnceLock::new();
+
+/// Sets a function that is called about every 10 ms while a board is waited for. If it returns `true`,
+/// the wait fails. Only the first call has an effect.
+pub fn set_check(is_asked: fn() -> bool) {
+    // A second check is ignored, as documented.
+    let _ = PROGRAM.set(is_asked);
+}
+
+/// Fails if the program around this library asks to end.
+pub(crate) fn go_on() -> Result<(), Failure> {
+    match PROGRAM.get() {
+        Some(is_asked) if is_asked() => Err(interrupted()),
+        _ => Ok(()),
+    }
+}
+
+fn interrupted() -> Failure {
+    Failure::Refused("interrupted by Ctrl-C".to_owned())
+}
 
 /// Whether the end of the verb was requested.
 #[derive(Clone, Debug)]
@@ -50,7 +72,7 @@ impl Interrupt {
     /// If the end was requested.
     pub(crate) fn go_on(&self) -> Result<(), Failure> {
         if self.is_asked() {
-            return Err(Failure::Refused("interrupted by Ctrl-C".to_owned()));
+            return Err(interrupted());
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 pub mod board;
 mod commands;
 mod interrupt;
+pub mod library;
 pub mod recording;
 
 use std::ffi::OsString;

@@ -101,7 +101,7 @@ fn frames(commands: &[Command], boot: u32, sequence: u32) -> Result<Vec<u8>, Fai
     Ok(bytes)
 }
 
-fn from_lines(from: impl Read) -> Result<Vec<Command>, Failure> {
+pub(crate) fn from_lines(from: impl Read) -> Result<Vec<Command>, Failure> {
     let numbered = numbered_lines(from, Path::new(STANDARD_INPUT))?;
     Ok(numbered.into_iter().map(|(_, command)| command).collect())
 }

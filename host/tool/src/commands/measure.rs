@@ -38,7 +38,7 @@ Examples:
   palpate measure --board press.mcap")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    link: link::Arguments,
+    pub(crate) link: link::Arguments,
     /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
     /// stiffness
     #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     times: u32,
     /// Timeout for a contact, s
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
-    wait: Duration,
+    pub(crate) wait: Duration,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -68,7 +68,7 @@ const RELAXATION_S: f64 = 0.4;
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct MeasurementLine {
+pub(crate) struct MeasurementLine {
     simulated: bool,
     measurement: u32,
     /// Absent for a load that cannot be distinguished from a rigid one.
@@ -100,42 +100,80 @@ struct MeasurementLine {
     true_n_per_m: Option<f64>,
 }
 
+impl Arguments {
+    /// Connects; the emulated board presses a load.
+    pub(crate) fn open(&self) -> Result<Link, Failure> {
+        let load = self.load.or(self.usual_load());
+        self.link.open_pressed(Run::AsFastAsItCan, load)
+    }
+
+    fn usual_load(&self) -> Option<f64> {
+        self.link.is_emulated().then_some(USUAL_LOAD)
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let usual = arguments.link.is_emulated().then_some(USUAL_LOAD);
-    let load = arguments.load.or(usual);
-    let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
+    let usual = arguments.usual_load();
+    let mut link = arguments.open()?;
     if link.is_recording() {
         return measured_before(arguments, &mut link);
     }
-    let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
-    let declared = declared_tip(&mut link)?;
-    let tolerance = contact_tolerance(&mut link)?;
-    arm(&mut link)?;
+    let armed = ArmedBoard::arm(&mut link, &arguments.link)?;
     for _ in 0..arguments.times {
         if usual.is_none() {
             notice::say("Press the object upon the sensor, and hold still.");
         }
-        let estimate = measured(&mut link, arguments.wait)?;
-        let relaxation = link.wait_for(RELAXATION_S, "relaxation", |record| match record {
-            Record::Relaxation(relaxation) => Some(relaxation.clone()),
-            _ => None,
-        });
-        let simulated = arguments.link.is_simulated(&link);
-        let line = MeasurementLine {
-            modulus: declared.evaluate(&estimate),
-            limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
-            relaxation: relaxation.ok(),
-            true_n_per_m: truth(&mut link),
-            ..MeasurementLine::of(
-                &estimate,
-                tolerance.as_ref(),
-                (simulated, configuration_crc),
-            )
-        };
+        let line = armed.measure(&mut link, arguments.wait)?;
         print(&line, arguments.json)?;
     }
     link.send_accepted(&Command::Disarm)?;
     Ok(())
+}
+
+/// An armed board, with the part of its configuration that belongs to a result.
+pub(crate) struct ArmedBoard {
+    simulated: bool,
+    configuration_crc: u32,
+    declared: DeclaredTip,
+    tolerance: Option<ContactTolerance>,
+}
+
+impl ArmedBoard {
+    /// Reads the configuration, arms the board, and waits until it watches for a contact.
+    pub(crate) fn arm(link: &mut Link, reached: &link::Arguments) -> Result<Self, Failure> {
+        let board = Self {
+            simulated: reached.is_simulated(link),
+            configuration_crc: link.hello().map_or(0, |hello| hello.configuration_crc),
+            declared: declared_tip(link)?,
+            tolerance: contact_tolerance(link)?,
+        };
+        arm(link)?;
+        Ok(board)
+    }
+
+    /// Measures at the next contact.
+    pub(crate) fn measure(
+        &self,
+        link: &mut Link,
+        wait: Duration,
+    ) -> Result<MeasurementLine, Failure> {
+        let estimate = measured(link, wait)?;
+        let relaxation = link.wait_for(RELAXATION_S, "relaxation", |record| match record {
+            Record::Relaxation(relaxation) => Some(relaxation.clone()),
+            _ => None,
+        });
+        Ok(MeasurementLine {
+            modulus: self.declared.evaluate(&estimate),
+            limited_by: budget_of(records_of(link), estimate.measurement).map(limited_by),
+            relaxation: relaxation.ok(),
+            true_n_per_m: truth(link),
+            ..MeasurementLine::of(
+                &estimate,
+                self.tolerance.as_ref(),
+                (self.simulated, self.configuration_crc),
+            )
+        })
+    }
 }
 
 /// Contacts for which the board's intervals hold; `None` if none are stated.

@@ -10,6 +10,7 @@ pub(crate) mod parquet_file;
 mod reader;
 mod recorder;
 mod schema;
+pub mod tables;
 #[cfg(test)]
 mod tests;
 mod writer;

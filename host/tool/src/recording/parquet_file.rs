@@ -23,12 +23,16 @@ const PANDAS: &str = "PANDAS_ATTRS";
 
 /// Type of the cells of a column, in the file and in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
+    /// `true` or `false`.
     Bool,
     /// Unsigned integer with this number of bits.
     Integer(i8),
+    /// `f32`.
     Float,
+    /// `f64`.
     Double,
+    /// Text.
     Text,
     /// Time, ns since 1970 UTC.
     Time,
@@ -36,13 +40,15 @@ pub(crate) enum Kind {
 
 /// A column of a file.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Head<'n> {
-    pub(crate) name: &'n str,
-    pub(crate) kind: Kind,
+pub struct Head<'n> {
+    /// Name.
+    pub name: &'n str,
+    /// Type of the cells.
+    pub kind: Kind,
     /// Unit; `1` for plain numbers, empty for non-quantities.
-    pub(crate) unit: &'n str,
+    pub unit: &'n str,
     /// Whether a cell may be empty.
-    pub(crate) optional: bool,
+    pub optional: bool,
 }
 
 /// A file during writing.

@@ -102,6 +102,19 @@ impl<R: BufRead> Reader<R> {
         })
     }
 
+    /// Remarks about what could not be read. Valid after the last entry.
+    pub fn remarks(&self, file: &Path) -> Vec<String> {
+        let file = file.display();
+        let damage = self.damage().map(|damage| format!("{file}: {damage}."));
+        let other_version = (self.unreadable() > 0).then(|| {
+            format!(
+                "{file}: {} messages are of another version of the protocol and left out.",
+                self.unreadable()
+            )
+        });
+        damage.into_iter().chain(other_version).collect()
+    }
+
     /// Fails if the file proved not to be a readable recording.
     pub fn refuse_foreign(&self, file: &Path) -> Result<(), Failure> {
         let problem = match &self.damage {

@@ -85,6 +85,11 @@ impl Recorder {
         }
     }
 
+    /// Adds a frame, and waits for the disk: for frames that do not come from a board.
+    pub(crate) fn add_patiently(&mut self, frame: Recorded) -> bool {
+        self.queue.send(Entry::Frame(frame)).is_ok()
+    }
+
     /// Adds a note. Notes are few; this waits, so that none is lost.
     pub(crate) fn note(&mut self, note: Note) -> bool {
         self.queue.send(Entry::Note(note)).is_ok()

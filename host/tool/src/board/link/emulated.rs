@@ -5,10 +5,12 @@ use std::io;
 use std::thread::sleep;
 use std::time::Duration;
 
+use palpate_cli::failure::Failure;
 use palpate_sim::Time;
 
 use super::transport::Transport;
 use crate::board::emulated::{Pace, PluggedBoard};
+use crate::interrupt;
 
 /// Emulated time between two polls of the port.
 const SLICE: Time = Time::from_us(250);
@@ -33,8 +35,9 @@ impl Emulated {
     }
 
     fn pass(&mut self, time: Time) -> io::Result<()> {
-        let passed = self.board.advance(time);
-        passed.map_err(|failure| io::Error::other(failure.to_string()))?;
+        let failed = |failure: Failure| io::Error::other(failure.to_string());
+        interrupt::go_on().map_err(failed)?;
+        self.board.advance(time).map_err(failed)?;
         if let Some(pace) = &mut self.pace {
             sleep(pace.ahead(self.board.now()));
         }

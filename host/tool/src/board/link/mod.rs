@@ -32,7 +32,7 @@ use palpate_wire::{
 
 use crate::board::emulated::PluggedBoard;
 use crate::board::log::{Log, LogLine, LogStream};
-use crate::interrupt::Interrupt;
+use crate::interrupt::{self, Interrupt};
 pub(crate) use address::{Arguments, Run, no_board};
 pub(crate) use address::{open_port, ports};
 use clock::DeviceClock;
@@ -347,6 +347,7 @@ impl Link {
 
     /// Receives for at most `wait`; returns after the first bytes.
     pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), Failure> {
+        interrupt::go_on()?;
         let bytes = self.transport.read(wait);
         let bytes = bytes.map_err(|error| self.lost(&error))?;
         let at = self.now();

@@ -12,17 +12,21 @@ const CHANNEL: &str = "channel";
 
 /// Numbers of the items that occur in each list.
 #[derive(Debug, Default)]
-pub(super) struct Used(BTreeMap<String, BTreeSet<u64>>);
+pub struct Used(BTreeMap<String, BTreeSet<u64>>);
 
 impl Used {
-    /// Adds the items in the lists of a record.
-    pub(super) fn enter(&mut self, payload: &Value) {
+    /// Adds the items in the lists of a record; returns whether one of them is new.
+    pub fn enter(&mut self, payload: &Value) -> bool {
+        let mut is_new = false;
         for (field, value) in payload.as_object().into_iter().flatten() {
             if let Value::Array(items) = value {
-                let numbers = (0..).zip(items).map(|(place, item)| number(place, item));
-                self.0.entry(field.clone()).or_default().extend(numbers);
+                let used = self.0.entry(field.clone()).or_default();
+                for (place, item) in (0..).zip(items) {
+                    is_new |= used.insert(number(place, item));
+                }
             }
         }
+        is_new
     }
 }
 
@@ -33,12 +37,13 @@ fn number(place: u64, item: &Value) -> u64 {
 
 /// A column of a table.
 #[derive(Clone, Debug)]
-pub(super) struct Column {
-    pub(super) name: String,
+pub struct Column {
+    /// Name: the fields on the path, with the numbers of items.
+    pub name: String,
     /// Type of the cells.
-    pub(super) of: Type,
+    pub of: Type,
     /// Unit of the cells; `1` for plain numbers, empty for non-quantities.
-    pub(super) unit: &'static str,
+    pub unit: &'static str,
     path: Vec<Step>,
 }
 
@@ -65,7 +70,7 @@ impl Step {
 
 impl Column {
     /// Creates a column of a computed table, whose rows are flat.
-    pub(super) fn computed(name: &'static str, of: Type, unit: &'static str) -> Self {
+    pub fn computed(name: &'static str, of: Type, unit: &'static str) -> Self {
         Self {
             name: name.to_owned(),
             of,
@@ -75,14 +80,14 @@ impl Column {
     }
 
     /// Returns the value in a record; `None` if absent.
-    pub(super) fn value<'v>(&self, payload: &'v Value) -> Option<&'v Value> {
+    pub fn value<'v>(&self, payload: &'v Value) -> Option<&'v Value> {
         let mut steps = self.path.iter();
         let value = steps.try_fold(payload, |value, step| step.of(value))?;
         (!value.is_null()).then_some(value)
     }
 
     /// Returns the value as text; empty if absent.
-    pub(super) fn cell(&self, payload: &Value) -> String {
+    pub fn cell(&self, payload: &Value) -> String {
         match self.value(payload) {
             None => String::new(),
             Some(Value::String(text)) => text.clone(),
@@ -92,7 +97,7 @@ impl Column {
 }
 
 /// Columns of a kind of record, in the order of its fields.
-pub(super) fn of(kind: &str, used: &Used) -> Vec<Column> {
+pub fn of(kind: &str, used: &Used) -> Vec<Column> {
     let mut kinds = Record::KINDS.iter();
     let payload = kinds.find(|of| of.name == kind).and_then(|of| of.payload);
     let root = Column {

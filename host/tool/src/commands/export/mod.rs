@@ -1,9 +1,9 @@
 //! `palpate export`: a recording as tables.
 
-mod columns;
+pub(crate) mod columns;
 mod comma;
-mod modulus;
-mod parquet;
+pub mod modulus;
+pub(crate) mod parquet;
 mod table;
 
 use std::collections::BTreeMap;
@@ -122,16 +122,7 @@ fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
         }
     }
     reader.refuse_empty(file)?;
-    if let Some(damage) = reader.damage() {
-        notice::say(format_args!("{}: {damage}.", file.display()));
-    }
-    if reader.unreadable() > 0 {
-        notice::say(format_args!(
-            "{}: {} messages are of another version of the protocol and left out.",
-            file.display(),
-            reader.unreadable()
-        ));
-    }
+    reader.remarks(file).iter().for_each(notice::say);
     Ok(used)
 }
 

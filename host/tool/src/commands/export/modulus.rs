@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 use super::columns::Column;
 
 /// Name of the table.
-pub(super) const TABLE: &str = "modulus";
+pub const TABLE: &str = "modulus";
 
 /// Columns of the table.
-pub(super) fn columns() -> Vec<Column> {
+pub fn columns() -> Vec<Column> {
     let number = |name, unit| Column::computed(name, Type::F32, unit);
     vec![
         Column::computed("measurement", Type::U32, ""),
@@ -29,7 +29,7 @@ pub(super) fn columns() -> Vec<Column> {
 }
 
 /// Takes a record; returns the row of an estimate, if a tip is declared.
-pub(super) fn row(declared: &mut DeclaredTip, record: &Record) -> Option<Value> {
+pub fn row(declared: &mut DeclaredTip, record: &Record) -> Option<Value> {
     declared.take(record);
     let Record::Estimate(estimate) = record else {
         return None;

@@ -12,7 +12,7 @@ use crate::recording::Recorded;
 use crate::recording::parquet_file::{Head, Kind, ParquetFile};
 
 /// Columns before the fields of a record.
-const FIRST: [Head<'_>; 6] = [
+pub const FIRST: [Head<'_>; 6] = [
     first("host_time", Kind::Time, ""),
     first("device_time", Kind::Time, ""),
     first("boot_id", Kind::Integer(32), ""),
@@ -49,7 +49,8 @@ pub(super) fn create(path: &Path, columns: Vec<Column>) -> Created {
     Ok(Box::new(ParquetTable { file, columns }))
 }
 
-const fn kind_of(of: &schema::Type) -> Kind {
+/// Type of the cells of a column.
+pub const fn kind_of(of: &schema::Type) -> Kind {
     match of {
         schema::Type::Bool => Kind::Bool,
         schema::Type::U8 => Kind::Integer(8),

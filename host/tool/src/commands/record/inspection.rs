@@ -2,7 +2,7 @@
 
 use palpate_cli::failure::Failure;
 use palpate_wire::code::Part;
-use palpate_wire::{Command, Message, Record};
+use palpate_wire::{Command, Frame, Message, Record};
 
 use crate::board::configuration;
 use crate::board::link::{Arrival, Link};
@@ -29,9 +29,8 @@ fn ask_all(link: &mut Link) -> Result<(), Failure> {
 
 /// Note about a boot: identity of the board and configuration in force, each as the board's own
 /// record.
-pub(super) fn note(boot_id: u32, arrivals: &[Arrival]) -> Note {
-    let of_boot = arrivals.iter().map(|arrival| &arrival.frame);
-    let of_boot = of_boot.filter(|frame| frame.header.boot_id == boot_id);
+pub(crate) fn note<'f>(boot_id: u32, frames: impl Iterator<Item = &'f Frame<Record>>) -> Note {
+    let of_boot = frames.filter(|frame| frame.header.boot_id == boot_id);
     let mut note = Note::new(BOOT).with("boot_id", boot_id);
     let mut calibration = Vec::new();
     for record in of_boot.map(|frame| &frame.message) {

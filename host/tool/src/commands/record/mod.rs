@@ -1,8 +1,8 @@
 //! `palpate record`: every record of a board, in a file.
 
 mod arming;
-mod inspection;
-mod session;
+pub(crate) mod inspection;
+pub(crate) mod session;
 
 use std::io::{self, Write};
 use std::path::PathBuf;

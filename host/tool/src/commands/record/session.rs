@@ -43,7 +43,7 @@ impl RecordingSession {
     pub(super) fn new(mut link: Link, mut recorder: Recorder, measures: bool) -> Self {
         let now_ns = date::now_ns();
         let passed_ns = u64::try_from(link.now().as_nanos()).unwrap_or_default();
-        recorder.note(about(&link, now_ns));
+        recorder.note(about(link.name(), now_ns));
         // Log lines are kept from here on.
         link.take_logged();
         Self {
@@ -114,7 +114,7 @@ impl RecordingSession {
         let (arrivals, asked) = inspection::inspect(&mut self.link);
         self.compared = self.link.now();
         self.learn_offset();
-        let note = inspection::note(boot_id, &arrivals);
+        let note = inspection::note(boot_id, arrivals.iter().map(|of| &of.frame));
         self.recorder.note(self.with_offset(note, boot_id));
         self.store(&arrivals, asked)
     }
@@ -229,11 +229,11 @@ fn is_contact(record: &Record) -> bool {
 }
 
 /// Note at the start of the recording.
-fn about(link: &Link, now_ns: u64) -> Note {
+pub(crate) fn about(board: &str, now_ns: u64) -> Note {
     Note::new(ABOUT)
         .with("tool", concat!("palpate ", env!("CARGO_PKG_VERSION")))
         .with("protocol", format_args!("{VERSION}.{MINOR_VERSION}"))
         .with("schema_hash", format_args!("0x{SCHEMA_HASH:08x}"))
-        .with("board", link.name())
+        .with("board", board)
         .with("began_at", date::text(now_ns))
 }

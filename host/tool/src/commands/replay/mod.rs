@@ -11,7 +11,7 @@ use agreement::Agreement;
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
-use palpate_sim::replay::{ActiveConfiguration, Replay};
+use palpate_sim::replay::{ActiveConfiguration, Compared, Replay};
 use palpate_wire::{Command, Record, configuration_crc};
 use serde::Serialize;
 
@@ -74,10 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     }
     if differing.is_empty() {
-        return Err(Failure::Refused(format!(
-            "{}: nothing could be compared. Record with --arm, from before the first touch",
-            passed_over.join(", ")
-        )));
+        return Err(nothing_compared(&passed_over));
     }
     Err(Failure::Refused(format!(
         "{}: the replay differs from what the board sent. The board's firmware has another version \
@@ -86,29 +83,47 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     )))
 }
 
+/// Failure for recordings of which no result could be computed again.
+pub fn nothing_compared(files: &[String]) -> Failure {
+    Failure::Refused(format!(
+        "{}: nothing could be compared. Record with --arm, from before the first touch",
+        files.join(", ")
+    ))
+}
+
 /// Replays a file. Also returns the damage that ends it early.
 fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
+    let mut agreement = Agreement::default();
+    let damage = compare(file, |compared| agreement.enter(compared))?;
+    Ok((agreement, damage))
+}
+
+/// Computes the results in a recording again, and passes each comparison with what the board sent to
+/// `take`. Returns the damage that ends the recording early.
+///
+/// # Errors
+/// If the file is no recording, or has no record.
+pub fn compare(file: &Path, mut take: impl FnMut(&[Compared])) -> Result<Option<String>, Failure> {
     let mut reader = Reader::open(file)?;
     let mut replay = Replay::default();
     // The first note of each boot applies from its start, wherever it is in the file.
     for note in Reader::boot_notes(file)?.iter().rev() {
         configure(&mut replay, note);
     }
-    let mut agreement = Agreement::default();
     for entry in &mut reader {
         match entry {
             Entry::Note(note) => configure(&mut replay, &note),
-            Entry::Frame(recorded) => agreement.enter(&replay.take(&recorded.frame)),
+            Entry::Frame(recorded) => take(&replay.take(&recorded.frame)),
             Entry::Log(_) => {}
         }
     }
-    agreement.enter(&replay.finish());
+    take(&replay.finish());
     reader.refuse_empty(file)?;
     let damage = reader.damage();
     if let Some(damage) = &damage {
         notice::say(format_args!("{}: {damage}.", file.display()));
     }
-    Ok((agreement, damage))
+    Ok(damage)
 }
 
 /// Applies the configuration in a note.

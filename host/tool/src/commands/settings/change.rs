@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 
 /// A setting with its new value.
 #[derive(Clone, Debug)]
-pub(super) struct Assignment {
+pub(crate) struct Assignment {
     field: &'static Field,
     value: Value,
 }
@@ -30,7 +30,7 @@ impl Assignment {
 ///
 /// # Errors
 /// If there is no such setting, or the value is not allowed; the error lists the allowed ones.
-pub(super) fn assignment(text: &str) -> Result<Assignment, String> {
+pub(crate) fn assignment(text: &str) -> Result<Assignment, String> {
     let Some((name, value)) = text.split_once('=') else {
         return Err("allowed: the name of a setting, =, and its value, as rate_hz=500".to_owned());
     };
@@ -154,7 +154,7 @@ fn as_map(settings: &Settings) -> Result<Map<String, Value>, Failure> {
 ///
 /// # Errors
 /// [`Failure::Argument`] if they contradict each other.
-pub(super) fn changed(
+pub(crate) fn changed(
     settings: &Settings,
     assignments: &[Assignment],
 ) -> Result<Settings, Failure> {

@@ -1,6 +1,6 @@
 //! `palpate settings`: read, change, store, export and import a board's settings and calibration.
 
-mod change;
+pub(crate) mod change;
 mod file;
 mod tip;
 
@@ -19,7 +19,7 @@ use palpate_wire::record::Storage;
 use serde::Serialize;
 
 use crate::board::configuration;
-use crate::board::link;
+use crate::board::link::{self, Link};
 use crate::board::storage;
 
 /// Read, change, store, export and import a board's settings and calibration
@@ -204,11 +204,7 @@ fn get(arguments: &Get) -> Result<(), Failure> {
 
 fn set(arguments: &Set) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
-    let before = configuration::settings(&mut link)?;
-    let after = change::changed(&before, &arguments.assignments)?;
-    link.send_accepted(&Command::Disarm)?;
-    let done = link.send_accepted(&Command::SetSettings(after.clone()));
-    done.map_err(|failure| with_names(failure, &arguments.assignments))?;
+    let [before, after] = change_on(&mut link, &arguments.assignments)?;
     let storage = storage::store_if(arguments.store, &mut link)?;
     let mut out = io::stdout().lock();
     if arguments.json {
@@ -236,6 +232,19 @@ fn set(arguments: &Set) -> Result<(), Failure> {
         writeln!(out, "{}", storage::lasts(arguments.link.is_emulated()))?;
     }
     Ok(())
+}
+
+/// Changes settings of a board; returns those before and after.
+pub(crate) fn change_on(
+    link: &mut Link,
+    assignments: &[Assignment],
+) -> Result<[Settings; 2], Failure> {
+    let before = configuration::settings(link)?;
+    let after = change::changed(&before, assignments)?;
+    link.send_accepted(&Command::Disarm)?;
+    let done = link.send_accepted(&Command::SetSettings(after.clone()));
+    done.map_err(|failure| with_names(failure, assignments))?;
+    Ok([before, after])
 }
 
 /// Adds the changed settings' names to a refusal, since the board does not report which one it
