@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Parser;
 use palpate_cli::failure::Failure;
 use palpate_wire::command::Settings;
-use palpate_wire::record::Hello;
+use palpate_wire::record::{Hello, Storage};
 use palpate_wire::{Command, Frame, Record};
 use serde::Serialize;
 
@@ -18,6 +18,7 @@ pub use crate::interrupt::set_check;
 
 use crate::board::configuration;
 use crate::board::link::Link;
+use crate::board::storage;
 use crate::commands::record::{inspection, session};
 use crate::commands::settings::change::assignment;
 use crate::commands::{encode, measure, settings};
@@ -156,6 +157,15 @@ impl Board {
             .map_err(Failure::Argument)?;
         let [_, after] = settings::change_on(&mut self.link, &assignments)?;
         Ok(after)
+    }
+
+    /// Stores settings and calibration in force, so that they survive power-off.
+    ///
+    /// # Errors
+    /// If the board is gone, refuses it, or could not store them.
+    pub fn store(&mut self) -> Result<Storage, Failure> {
+        self.link.send_accepted(&Command::Disarm)?;
+        storage::store(&mut self.link)
     }
 
     /// Sends commands, one a line as `palpate encode` reads them; each must be accepted.
