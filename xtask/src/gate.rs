@@ -11,6 +11,7 @@ use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
 use crate::{
     book, deps, evidence, firmware, fuzz, hardware, hygiene, package_files, panic_free, python,
+    python_package,
 };
 
 /// The test suite: every crate with its default features and with those that have their own tests.
@@ -45,6 +46,17 @@ fn hardware_checks() -> Step {
         needs: Vec::new(),
         action: Action::Check(hardware::check),
         remedy: "fix what is named above; the checks stand in hardware/check.py and hardware/check_exports.py",
+    }
+}
+
+/// The Python package, which nothing else builds.
+fn python_package() -> Step {
+    Step {
+        name: "python-package",
+        purpose: "the Python package builds, is typed, and gives the tool's numbers; only when it is named",
+        needs: vec![Need::Tool(&CARGO_DENY), Need::Target(FIRMWARE_TARGET)],
+        action: Action::Check(python_package::check),
+        remedy: "fix what the failed command describes; for a package that is missing, see the cause",
     }
 }
 
@@ -84,6 +96,7 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
         return Ok(steps);
     }
     steps.push(python_tests());
+    steps.push(python_package());
     steps.push(hardware_checks());
     select(steps, only)
 }

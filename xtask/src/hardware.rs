@@ -6,10 +6,12 @@
 use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
-use crate::python;
+use crate::python::{Environment, build_tool, text};
 
-const PACKAGES: &str = "hardware/requirements.txt";
-const ENVIRONMENT: &str = "target/hardware";
+const ENVIRONMENT: Environment = Environment {
+    folder: "target/hardware",
+    packages: "hardware/requirements.txt",
+};
 /// KiCad's module belongs to the system's Python, whichever is first on PATH.
 const SYSTEM_PYTHON: &str = "/usr/bin/python3";
 const INSTALL: &str = "install KiCad 9 with its footprints and its Python module; on Debian 12, with backports among apt's sources: \
@@ -28,8 +30,8 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     script(SYSTEM_PYTHON, &["-c", "import pcbnew"]).context(INSTALL)?;
     script(SYSTEM_PYTHON, &["hardware/board.py"])?;
     script(SYSTEM_PYTHON, &["hardware/check.py"])?;
-    let tool = python::text(&python::build_tool(workspace)?)?;
-    let python = python::install(workspace, PACKAGES, ENVIRONMENT)?;
+    let tool = text(&build_tool(workspace)?)?;
+    let python = ENVIRONMENT.install(workspace)?;
     script(&python, &["hardware/check_exports.py", &tool])?;
     Ok("KiCad finds nothing, and others read what is exported".to_owned())
 }

@@ -20,6 +20,7 @@ mod panic_free;
 mod planted;
 mod process;
 mod python;
+mod python_package;
 mod release;
 mod repository;
 mod setup;

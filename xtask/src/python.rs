@@ -13,17 +13,18 @@ use anyhow::{Context, Result};
 use crate::firmware;
 use crate::process::{Invocation, Workspace};
 
-/// Folder of the tests, with the list of their packages.
+/// Folder of the tests, and the environment in which they run.
 const TESTS: &str = "host/tool/tests/python";
-const PACKAGES: &str = "host/tool/tests/python/requirements.txt";
-/// Folder of the virtual environment.
-const ENVIRONMENT: &str = "target/python";
+const ENVIRONMENT: Environment = Environment {
+    folder: "target/python",
+    packages: "host/tool/tests/python/requirements.txt",
+};
 
 /// Builds the tool and the image, installs missing packages, and runs the tests.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let tool = text(&build_tool(workspace)?)?;
     let image = text(&firmware::build(workspace)?)?;
-    let python = install(workspace, PACKAGES, ENVIRONMENT)?;
+    let python = ENVIRONMENT.install(workspace)?;
     // Python writes nothing beside the tests: no bytecode, no cache.
     let tests = Invocation::new(
         &python,
@@ -44,29 +45,40 @@ pub(crate) fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
     workspace.build(&Invocation::cargo(&arguments))
 }
 
-/// Creates an environment with all packages of a list; returns its Python.
-pub(crate) fn install(workspace: &Workspace, list: &str, folder: &str) -> Result<String> {
-    let environment = workspace.root().join(folder);
-    let python = text(&environment.join("bin/python"))?;
-    let listed = fs::read_to_string(workspace.root().join(list))
-        .with_context(|| format!("{list} could not be read"))?;
-    // A copy of the list, written when all packages are installed.
-    let installed = environment.join("requirements.txt");
-    if fs::read_to_string(&installed).is_ok_and(|before| before == listed) {
-        return Ok(python);
+/// A virtual environment below `target`, with the packages of a list.
+pub(crate) struct Environment {
+    pub(crate) folder: &'static str,
+    pub(crate) packages: &'static str,
+}
+
+impl Environment {
+    /// Creates the environment with all packages of the list; returns its Python.
+    pub(crate) fn install(&self, workspace: &Workspace) -> Result<String> {
+        let Self { folder, packages } = self;
+        let environment = workspace.root().join(folder);
+        let python = text(&environment.join("bin/python"))?;
+        let listed = fs::read_to_string(workspace.root().join(packages))
+            .with_context(|| format!("{packages} could not be read"))?;
+        // A copy of the list, written when all packages are installed.
+        let installed = environment.join("requirements.txt");
+        if fs::read_to_string(&installed).is_ok_and(|before| before == listed) {
+            return Ok(python);
+        }
+        let create = ["-m", "venv", "--clear", &text(&environment)?];
+        workspace
+            .run(&Invocation::new("python3", &create))
+            .context(
+                "there is no Python 3.11 with venv: install it, on Debian with `apt-get install python3-venv`",
+            )?;
+        let arguments = ["-m", "pip", "install", "--quiet", "--requirement", packages];
+        let install = Invocation::new(&python, &arguments);
+        workspace.run(&install).with_context(|| {
+            format!("the packages of {packages} could not be installed; this needs a network")
+        })?;
+        fs::write(&installed, listed)
+            .with_context(|| format!("{folder}/requirements.txt could not be written"))?;
+        Ok(python)
     }
-    let create = Invocation::new("python3", &["-m", "venv", "--clear", &text(&environment)?]);
-    workspace.run(&create).context(
-        "there is no Python 3.11 with venv: install it, on Debian with `apt-get install python3-venv`",
-    )?;
-    let packages = ["-m", "pip", "install", "--quiet", "--requirement", list];
-    let install = Invocation::new(&python, &packages);
-    workspace.run(&install).with_context(|| {
-        format!("the packages of {list} could not be installed; this needs a network")
-    })?;
-    fs::write(&installed, listed)
-        .with_context(|| format!("{folder}/requirements.txt could not be written"))?;
-    Ok(python)
 }
 
 pub(crate) fn text(path: &Path) -> Result<String> {
