@@ -55,10 +55,10 @@ def test_units_are_metadata_of_the_fields_and_attributes_of_the_frame(recording:
 
 
 def test_rows_are_counted_as_info_counts_them(tool: Tool, recording: str) -> None:
-    told = json.loads(tool.run("info", recording, "--json"))
+    counted = json.loads(tool.run("info", recording, "--json"))
     kinds = palpate.read(recording).kinds
     kinds.pop("modulus", None)
-    assert kinds == told["records"]
+    assert kinds == counted["records"]
 
 
 def test_estimates_are_computed_again_to_the_bit(tool: Tool, recording: str) -> None:

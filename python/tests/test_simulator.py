@@ -46,7 +46,7 @@ def test_a_wrong_key_or_value_is_refused_with_what_is_allowed(simulator: palpate
     with pytest.raises(palpate.PalpateError, match="allowed: 1 to 1e10 N/m"):
         simulator.press("spring", stiffness_N_per_m=-1)
     with pytest.raises(palpate.PalpateError, match="stiffness"):
-        simulator.press("spring", stifness_N_per_m=1)
+        simulator.press("spring", stiffness=1)
     with pytest.raises(palpate.PalpateError, match="ultrasoft"):
         palpate.Simulator("no-such-stack")
 

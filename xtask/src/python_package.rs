@@ -33,9 +33,8 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     // Lints in the profile of the wheel: both share what runs during the build.
     cargo("clippy --locked --release --manifest-path python/Cargo.toml -- -D warnings")?;
     // The repository's rules, for the dependencies of this workspace.
-    cargo(
-        "deny --locked --manifest-path python/Cargo.toml check --config deny.toml licenses sources",
-    )?;
+    let rules = "--manifest-path python/Cargo.toml --config deny.toml";
+    cargo(&format!("deny --locked {rules} check licenses sources"))?;
     let wheel = build_wheel(workspace, &module)?;
     let bytes = fs::metadata(&wheel)?.len();
     if bytes > MOST_BYTES {
