@@ -1,9 +1,11 @@
 """Boards: the emulated one, a recording, a port; settings, measurements, Ctrl-C."""
 
+import importlib
 import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -90,6 +92,30 @@ def test_a_closed_board_and_wrong_names_say_what_to_do(tool: Tool, recording: st
         with pytest.raises(palpate.PalpateError) as raised:
             palpate.connect(name)
         assert str(raised.value) == tool.refused("measure", "--board", name)
+
+
+def test_records_are_read_while_python_computes_and_a_lost_board_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "host/tool/tests/python"))
+    made = importlib.import_module("made_board").MadeBoard(seconds=60)
+    with palpate.connect(made.address) as board:
+        assert board.name == made.address.removeprefix("tcp:")
+        made.go_on.set()
+        # A minute of samples, as fast as they are taken: 4 MB, more than the connection itself holds.
+        deadline = time.monotonic() + 20
+        while made.sent < 60_000 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert made.sent == 60_000
+        sequences: list[int] = []
+        while len(sequences) < 60_000:
+            record = next(board)
+            if record.kind == "sample":
+                sequences.append(record.sequence)
+        assert sequences == list(range(sequences[0], sequences[0] + 60_000))
+        made.program.shutdown(socket.SHUT_RDWR)
+        made.listener.close()
+        with pytest.raises(palpate.PalpateError, match="the board was disconnected"):
+            while True:
+                next(board)
 
 
 PROGRAM = """
