@@ -44,7 +44,8 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let install = "pip install --quiet --no-deps --no-index --force-reinstall";
     workspace.run(&module(install, &[&wheel]))?;
     let typed = "python/package/palpate python/tests python/benches";
-    let types = format!("mypy --config-file python/pyproject.toml {typed}");
+    let options = "--config-file python/pyproject.toml --cache-dir target/python-package/types";
+    let types = format!("mypy {options} {typed}");
     workspace.run(&module(&types, &[]))?;
     workspace.run(&module(
         "mypy.stubtest --ignore-disjoint-bases palpate._palpate",
