@@ -119,9 +119,11 @@ def test_records_are_read_while_python_computes_and_a_lost_board_is_reported(mon
 
 
 PROGRAM = """
-import sys, time
+import signal, sys, time
 import palpate
 
+# A shell's background job ignores Ctrl-C, and its children inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 with palpate.connect("emulated", image=sys.argv[1], state=sys.argv[2], seed=11, load=1.5) as board:
     print("ready", flush=True)
     try:
