@@ -30,9 +30,11 @@ impl Tip {
         match self {
             Self::Pin(radius_m) => (5.0_f64 / 3.0).sqrt() * radius_m,
             Self::Ball(radius_m) => {
+                let waves = waves();
                 // The fall per a^2 decreases with a.
-                let excess =
-                    |a_m: f64| force_n * layer.fall_m_per_n(a_m) - a_m * a_m / (2.0 * radius_m);
+                let excess = |a_m: f64| {
+                    force_n * layer.fall_m_per_n(a_m, &waves) - a_m * a_m / (2.0 * radius_m)
+                };
                 let (mut low, mut high) = (1e-6, 10.0 * layer.thickness_m);
                 for _ in 0..50 {
                     let middle = (low * high).sqrt();
@@ -52,20 +54,28 @@ impl Layer {
     /// Displacement at the centre of a contact less that at its edge, m per newton:
     /// (1/2 pi) integral of k C(k) p(k a) (1 - J0(k a)) dk, with the wave number k, the layer's compliance C and the transform p
     /// of the pressure under a contact of radius a (Johnson, "Contact mechanics", 5.8).
-    fn fall_m_per_n(&self, radius_m: f64) -> f64 {
-        const STEP: f64 = 0.05;
-        let wave = |i: u32| {
-            let q = (f64::from(i) + 0.5) * STEP;
+    fn fall_m_per_n(&self, radius_m: f64, waves: &[[f64; 2]]) -> f64 {
+        let wave = |[q, factor]: &[f64; 2]| {
             let x = q / radius_m * self.thickness_m;
             let decay = (-2.0 * x).exp();
             let above = 0.5 * (1.0 - decay * decay) - 2.0 * x * decay;
             let below = 0.5 * (1.0 + decay * decay) + (1.0 + 2.0 * x * x) * decay;
-            let pressure = 3.0 * (q.sin() - q * q.cos()) / (q * q * q);
-            above / below * pressure * (1.0 - bessel_j0(q))
+            above / below * factor
         };
-        let sum: f64 = (0..2_000).map(wave).sum();
-        sum * STEP / (4.0 * PI * self.shear_modulus_pa * radius_m)
+        let sum: f64 = waves.iter().map(wave).sum();
+        sum / (4.0 * PI * self.shear_modulus_pa * radius_m)
     }
+}
+
+/// q = k a of the integral's points, with p(q) (1 - J0(q)) times their distance, for any radius.
+fn waves() -> Vec<[f64; 2]> {
+    const STEP: f64 = 0.05;
+    let wave = |i: u32| {
+        let q = (f64::from(i) + 0.5) * STEP;
+        let pressure = 3.0 * (q.sin() - q * q.cos()) / (q * q * q);
+        [q, STEP * pressure * (1.0 - bessel_j0(q))]
+    };
+    (0..2_000).map(wave).collect()
 }
 
 /// J0 by its integral (Abramowitz and Stegun 9.1.18); the trapezoidal rule is exact to rounding for
