@@ -373,6 +373,12 @@ impl Pressing<'_> {
         }
     }
 
+    /// Lets the layer creep under a press up to a time, without reading the coils, which takes most of a
+    /// scan's time. Between two calls the force changes evenly.
+    pub fn follow(&mut self, time_s: f64, press: &Press, around: &Surroundings) -> TouchTruth {
+        self.state(time_s, |_| *press, around).0
+    }
+
     /// Inductances of all coils at one time, H, without a converter, and the truth.
     pub fn inductances_h(
         &mut self,
