@@ -8,7 +8,7 @@
 
 use super::fit::cholesky;
 use super::profile::{At, Predicted};
-use super::{ArrayCalibration, Design};
+use super::{ArrayCalibration, Design, KnownPress};
 use crate::Unusable;
 
 /// Standard uncertainty of a predicted reading, independent from coil to coil.
@@ -79,6 +79,50 @@ impl ArrayCalibration {
         let ratio = (added.place_m / goal.place_m).max(added.ln_force / goal.ln_force);
         let more = self.presses as f64 * (ratio * ratio - 1.0);
         Ok(more.max(0.0).ceil() as usize)
+    }
+
+    /// The Cramer-Rao bound of a press that is read with the design's noise: least variances of x, y (m),
+    /// ln F and ln a, by the whole covariance of the calibration, the radius that is known beforehand and
+    /// the bench's common errors.
+    ///
+    /// # Errors
+    /// If the readings do not determine a press.
+    pub fn bound(&self, press: &KnownPress) -> Result<[f64; 4], Unusable> {
+        const WHAT: Unusable = Unusable::Undetermined("a press, by this array's readings");
+        let (design, point) = (&self.design, self.point(press.at()));
+        let variance = |i: usize, j: usize| {
+            let own = if i == j { design.noise.powi(2) } else { 0.0 };
+            own + point.covariance[i][j]
+        };
+        let lower = cholesky(point.readings.len(), variance).ok_or(WHAT)?;
+        let mut rows = point.by_press;
+        for i in 0..rows.len() {
+            for j in 0..i {
+                let done = rows[j];
+                rows[i]
+                    .iter_mut()
+                    .zip(done)
+                    .for_each(|(to, of)| *to -= lower[i][j] * of);
+            }
+            rows[i].iter_mut().for_each(|of| *of /= lower[i][i]);
+        }
+        let information = |i: usize, j: usize| {
+            let sum: f64 = rows.iter().map(|row| row[i] * row[j]).sum();
+            let prior = design.radius_in_use.powi(-2);
+            sum + if i == 3 && j == 3 { prior } else { 0.0 }
+        };
+        let lower = cholesky(4, information).ok_or(WHAT)?;
+        let common = design.bench.common;
+        let common = [
+            common.place_m,
+            common.place_m,
+            common.ln_force,
+            common.ln_radius,
+        ];
+        Ok(std::array::from_fn(|i| {
+            let unit = std::array::from_fn(|j| f64::from(u8::from(i == j)));
+            solve(&lower, unit)[i] + common[i].powi(2)
+        }))
     }
 
     pub(super) fn reduced(&self) -> Result<(ReadingError, CommonError), Unusable> {
