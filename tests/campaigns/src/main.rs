@@ -23,6 +23,7 @@ mod sigma;
 mod springs;
 mod storage;
 mod tool;
+mod touch;
 
 use std::env;
 use std::process::ExitCode;
@@ -74,6 +75,7 @@ enum Campaign {
     Springs(springs::Arguments),
     /// Settings and calibration in the flash: flipped bits, garbage, power cuts, wear
     Storage(drawn::Seed),
+    Touch(touch::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -106,5 +108,6 @@ fn main() -> ExitCode {
         Campaign::Sigma(arguments) => sigma::run(&arguments),
         Campaign::Springs(arguments) => failure::exit(springs::run(&arguments)),
         Campaign::Storage(seed) => storage::run(&seed),
+        Campaign::Touch(arguments) => failure::exit(touch::run(&arguments)),
     }
 }

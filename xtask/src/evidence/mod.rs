@@ -76,6 +76,13 @@ const BOARD: &[&str] = &[
     "sim-host/src",
     "tests/src",
 ];
+/// Code of arrays of sensing coils, simulated and estimated.
+const TOUCH: &[&str] = &[
+    "host/calibration/src",
+    "model/src",
+    "sim-host/src",
+    "tests/campaigns/src/touch",
+];
 /// Code of the field solver.
 const FIELD: &[&str] = &["model/field", "tests/campaigns/src/field_accuracy.rs"];
 /// Code of the search among field designs, and of a simulated sensor.
@@ -248,6 +255,12 @@ const CAMPAIGNS: &[Campaign] = &[
         claim: "A calibration by springs alone beside one with a load cell; how close good sessions come to the limits of the bench's checks.",
         command: "campaign springs --plants 50 --seed 30001",
         rests_on: INSTRUMENT,
+    },
+    Campaign {
+        name: "touch",
+        claim: "Place, force and radius of presses on simulated arrays of sensing coils, each calibrated on its own bench.",
+        command: "campaign touch --sensors 300 --seed 1700001",
+        rests_on: TOUCH,
     },
     Campaign {
         name: "field-accuracy",
