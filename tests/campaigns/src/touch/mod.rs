@@ -3,6 +3,7 @@
 //!
 //! The simulated sensors (`palpate_sim::touch`) share no function with calibration and estimate.
 
+mod array;
 mod judge;
 mod rig;
 mod worlds;

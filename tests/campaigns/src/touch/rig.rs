@@ -16,6 +16,8 @@ use palpate_sim::touch::{
     TouchSensor,
 };
 
+use super::array::array;
+
 /// The layout's layer, of a soft silicone: the presses are of 0.02 to 1 N.
 const LAYER: Layer = Layer {
     thickness_m: 5e-3,
@@ -408,48 +410,4 @@ fn indenter(tip: Tip) -> Indenter {
         Tip::Pin(radius_m) => Indenter::Pin { radius_m },
         Tip::Ball(radius_m) => Indenter::Ball { radius_m },
     }
-}
-
-/// The array as the instrument takes it.
-fn array(calibration: &ArrayCalibration, noise: f64, reach_m: f64) -> Option<model::Array> {
-    let table = |of: &[f64]| of.iter().map(|of| *of as f32).collect::<Vec<_>>();
-    let [linear, quadratic] = calibration.by_radius();
-    let scales = calibration.scales();
-    let [least_m, greatest_m] = scales.radii_m;
-    let profile = model::Profile::new(model::Coefficients {
-        spacing: Metre(scales.spacing_m as f32),
-        least_radius: Metre(least_m as f32),
-        greatest_radius: Metre(greatest_m as f32),
-        base: table(calibration.base()).try_into().ok()?,
-        linear: table(linear).try_into().ok()?,
-        quadratic: table(quadratic).try_into().ok()?,
-        bend: calibration.bend() as f32,
-    });
-    let coils: Vec<_> = calibration
-        .coils()
-        .iter()
-        .map(|coil| model::Coil {
-            x: Metre(coil.place_m[0] as f32),
-            y: Metre(coil.place_m[1] as f32),
-            gain: coil.gain as f32,
-            noise: noise as f32,
-        })
-        .collect();
-    let (reading, common) = (calibration.reading_error, calibration.common_error);
-    let errors = (
-        model::ReadingError {
-            relative: reading.relative as f32,
-            of_largest: reading.of_largest as f32,
-        },
-        model::CommonError {
-            place: Metre(common.place_m as f32),
-            ln_force: common.ln_force as f32,
-            ln_radius: common.ln_radius as f32,
-        },
-    );
-    let region = model::Region::Disc {
-        centre: [Metre(0.0); 2],
-        radius: Metre(reach_m as f32),
-    };
-    model::Array::new(&coils, profile.ok()?, errors, region).ok()
 }
