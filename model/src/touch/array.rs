@@ -136,11 +136,26 @@ impl Array {
     }
 
     /// The coils.
+    // Inlined, so that a caller in memory does not call into flash (firmware/build.rs).
+    #[inline(always)]
     pub fn coils(&self) -> &[Coil] {
         self.coils.get(..self.count).unwrap_or(&self.coils)
     }
 
+    /// What is known of the errors: those of a reading, and the common ones.
+    #[inline(always)]
+    pub const fn errors(&self) -> (ReadingError, CommonError) {
+        (self.reading_error, self.common_error)
+    }
+
+    /// Where presses are claimed.
+    #[inline(always)]
+    pub const fn region(&self) -> Region {
+        self.bounds.region()
+    }
+
     /// The profile of all coils.
+    #[inline(always)]
     pub const fn profile(&self) -> &Profile {
         &self.profile
     }

@@ -137,9 +137,13 @@ struct Normal {
 /// Evaluations of the model after the start. 4,000 presses all over the discs of `three-around-one`
 /// and `seven` took 4.4 on average and 15 at most, and 4 to 9 with the press before.
 const MOST_EVALUATIONS: u8 = 20;
+/// Evaluations for each scan of a track: at the press of the scan before, and after a step.
+const EVALUATIONS_PER_SCAN: u8 = 2;
+/// Scans without a claim after which a track starts anew: as many evaluations as a fit has.
+const MOST_SCANS: u8 = MOST_EVALUATIONS / EVALUATIONS_PER_SCAN;
 /// A reading is contact above this number of standard deviations of its noise: one scan of eight
 /// channels in 400,000 is by chance.
-const LEAST_SIGNIFICANCE: f32 = 5.0;
+pub const LEAST_SIGNIFICANCE: f32 = 5.0;
 /// Greatest posterior over prior standard deviation of ln a at which a radius is claimed: the prior
 /// pulls it towards its mean by at most one ninth of the distance.
 const CLAIMED: f32 = 1.0 / 3.0;
@@ -161,9 +165,7 @@ impl Array {
         let (Some(scan), Some(prior)) = (Scan::new(self, readings), prior) else {
             return Verdict::NotReadable;
         };
-        let is_contact =
-            |(reading, coil): (&f32, &Coil)| *reading > LEAST_SIGNIFICANCE * coil.noise;
-        if !readings.iter().zip(self.coils()).any(is_contact) {
+        if !self.is_contact(readings) {
             return Verdict::TooSmall;
         }
         let fit = Fit {
@@ -172,13 +174,81 @@ impl Array {
             prior: &prior,
         };
         if let Some(last) = last {
-            let verdict = fit.from(fit.state_of(last));
+            let (verdict, ..) = fit.from(fit.state_of(last), 1.0, MOST_EVALUATIONS);
             if verdict.claimed().is_some() {
                 return verdict;
             }
         }
-        start(self, &scan, &prior).map_or(Verdict::NotConverged, |state| fit.from(state))
+        start(self, &scan, &prior).map_or(Verdict::NotConverged, |state| {
+            let (verdict, state, _) = fit.from(state, 1.0, MOST_EVALUATIONS);
+            match verdict {
+                // Beyond the array or in contradiction without an end; else nothing is known.
+                Verdict::NotConverged => fit.unclaimed(&state),
+                verdict => verdict,
+            }
+        })
     }
+
+    /// As [`estimate`](Self::estimate) for scan after scan, in bounded time: two evaluations for each
+    /// scan. A fit that needs more goes on with the next scan, and until then is `NotConverged`.
+    pub fn track(&self, readings: &[f32], indenter: &Indenter, track: &mut Track) -> Verdict {
+        let earlier = track.0.take();
+        let prior = Prior::new(indenter, self.profile.ln_radii());
+        let (Some(scan), Some(prior)) = (Scan::new(self, readings), prior) else {
+            return Verdict::NotReadable;
+        };
+        if !self.is_contact(readings) {
+            return Verdict::TooSmall;
+        }
+        let fit = Fit {
+            array: self,
+            scan: &scan,
+            prior: &prior,
+        };
+        let begun = || {
+            let state = start(self, &scan, &prior)?;
+            let (length, scans) = (1.0, 0);
+            Some(Point {
+                state,
+                length,
+                scans,
+            })
+        };
+        let Some(point) = earlier.or_else(begun) else {
+            return Verdict::NotConverged;
+        };
+        let (verdict, state, length) = fit.from(point.state, point.length, EVALUATIONS_PER_SCAN);
+        let (length, scans) = match verdict.claimed() {
+            Some(_) => (1.0, 0),
+            None => (length, point.scans + 1),
+        };
+        track.0 = (scans <= MOST_SCANS).then_some(Point {
+            state,
+            length,
+            scans,
+        });
+        verdict
+    }
+
+    /// Whether some reading is clearly above its noise.
+    fn is_contact(&self, readings: &[f32]) -> bool {
+        let is_contact =
+            |(reading, coil): (&f32, &Coil)| *reading > LEAST_SIGNIFICANCE * coil.noise;
+        readings.iter().zip(self.coils()).any(is_contact)
+    }
+}
+
+/// Where the fit of the scan before ended.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Track(Option<Point>);
+
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    state: State,
+    /// Part of a step to go next.
+    length: f32,
+    /// Scans since one was claimed.
+    scans: u8,
 }
 
 struct Fit<'a> {
@@ -198,20 +268,27 @@ impl Fit<'_> {
         ])
     }
 
-    /// Fits from a start, and judges.
-    fn from(&self, start: State) -> Verdict {
+    /// Fits from a start, and judges; also returns where the fit has come to, and the part of a step to
+    /// go next.
+    fn from(&self, start: State, mut length: f32, most_evaluations: u8) -> (Verdict, State, f32) {
         let mut state = self.bounded(start);
         let mut at = self.normal(&state);
-        let mut length = 1.0;
-        for evaluations in 2..=MOST_EVALUATIONS {
+        for evaluations in 1..=most_evaluations {
             let Some(whole) = self.step(&state, &at) else {
-                return Verdict::NotConverged;
+                return (Verdict::NotConverged, state, length);
             };
             let expected = -dot(&whole, &at.gradient, UNKNOWNS);
             if expected <= CONVERGED {
-                return self.judge(&state, &at, evaluations - 1);
+                return (self.judge(&state, &at, evaluations), state, length);
             }
             let part = whole.map(|of| length * of);
+            if evaluations == most_evaluations {
+                at.chi_square -= length * (2.0 - length) * expected;
+                let next = self.bounded(state.after(&part));
+                let is_near = expected <= NEAR;
+                let verdict = is_near.then(|| self.judge(&next, &at, evaluations));
+                return (verdict.unwrap_or(Verdict::NotConverged), next, length);
+            }
             let next = self.bounded(state.after(&part));
             let found = self.normal(&next);
             let change = found.chi_square - at.chi_square;
@@ -224,8 +301,12 @@ impl Fit<'_> {
                 length = best.max(0.1 * length).min(0.6 * length);
             }
         }
-        // Beyond the array or in contradiction without an end; else nothing is known.
-        let verdict = self.judge(&state, &at, MOST_EVALUATIONS);
+        (Verdict::NotConverged, state, length)
+    }
+
+    /// What a fit without an end shows: a press beyond the array, or a contradiction.
+    fn unclaimed(&self, state: &State) -> Verdict {
+        let verdict = self.judge(state, &self.normal(state), MOST_EVALUATIONS);
         verdict.claimed().map_or(verdict, |_| Verdict::NotConverged)
     }
 
@@ -308,7 +389,9 @@ impl Fit<'_> {
     }
 
     fn judge(&self, state: &State, at: &Normal, evaluations: u8) -> Verdict {
-        let Some(press) = self.press(state, at, evaluations) else {
+        let inverse = Cholesky::new(&at.information).map(|of| of.inverse());
+        let press = inverse.and_then(|of| Some((of, self.press(state, at, (of, evaluations))?)));
+        let Some((inverse, press)) = press else {
             return Verdict::NotConverged;
         };
         if !self.array.bounds.contains([press.x.0, press.y.0]) {
@@ -320,7 +403,7 @@ impl Fit<'_> {
         if !(press.chi_square <= greatest) {
             return Verdict::DoesNotFit { press, greatest };
         }
-        if self.claims_radius(state, at) {
+        if self.claims_radius(state, &inverse) {
             Verdict::Inside(press)
         } else {
             Verdict::RadiusNotDetermined(press)
@@ -328,21 +411,24 @@ impl Fit<'_> {
     }
 
     /// Whether the radius is declared, or the readings determine it within the calibration's range.
-    fn claims_radius(&self, State([.., ln_radius]): &State, at: &Normal) -> bool {
+    fn claims_radius(&self, State([.., ln_radius]): &State, inverse: &Matrix) -> bool {
         if self.prior.is_declared {
             return true;
         }
         let [least, greatest] = self.array.profile.ln_radii();
         let is_within = least < *ln_radius && *ln_radius < greatest;
-        let inverse = Cholesky::new(&at.information).map(|of| of.inverse());
-        let [.., [.., variance]] = inverse.unwrap_or([[f32::INFINITY; UNKNOWNS]; UNKNOWNS]);
-        is_within && sqrt(variance) <= CLAIMED * self.prior.sigma
+        let [.., [.., variance]] = inverse;
+        is_within && sqrt(*variance) <= CLAIMED * self.prior.sigma
     }
 
     /// The press of a state; `None` if a number of it is not finite.
-    fn press(&self, state: &State, at: &Normal, evaluations: u8) -> Option<Press> {
+    fn press(
+        &self,
+        state: &State,
+        at: &Normal,
+        (mut covariance, evaluations): (Matrix, u8),
+    ) -> Option<Press> {
         let knot = self.array.profile.spacing().0;
-        let mut covariance = Cholesky::new(&at.information)?.inverse();
         let units = [knot, knot, 1.0, 1.0];
         let common = self.array.common_error;
         let common = [
@@ -384,6 +470,9 @@ impl Fit<'_> {
 
 /// Expected decrease of chi-square at which a fit ends: 0.03 standard errors from the best.
 const CONVERGED: f32 = 1e-3;
+/// Expected decrease of chi-square at which the step after the last evaluation ends a fit: 0.3 standard
+/// errors, of which the curvature leaves less than a tenth.
+const NEAR: f32 = 0.1;
 /// Shortest part of a step after one that was accepted.
 const SHORTEST: f32 = 0.2;
 

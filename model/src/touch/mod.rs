@@ -33,7 +33,7 @@ mod start;
 mod verdict;
 
 pub use array::{Array, ArrayError, Coil, CommonError, MOST_COILS, ReadingError};
-pub use estimate::Indenter;
+pub use estimate::{Indenter, LEAST_SIGNIFICANCE, Track};
 pub use profile::{BASE, BY_RADIUS, Coefficients, Profile};
 pub use region::Region;
 pub use verdict::{Ellipse, Press, Verdict};

@@ -89,7 +89,13 @@ impl Profile {
         })
     }
 
+    /// Distance from a coil at which its reading ends: the last spline's.
+    pub fn reach(&self) -> Metre {
+        self.coefficients.spacing * (BASE + 1) as f32
+    }
+
     /// The coefficients.
+    #[inline(always)]
     pub const fn coefficients(&self) -> &Coefficients {
         &self.coefficients
     }

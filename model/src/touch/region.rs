@@ -43,6 +43,11 @@ impl Bounds {
         Self { region, sides }
     }
 
+    #[inline(always)]
+    pub(super) const fn region(&self) -> Region {
+        self.region
+    }
+
     pub(super) fn contains(&self, [x, y]: [f32; 2]) -> bool {
         match self.region {
             Region::Disc { centre, radius } => {

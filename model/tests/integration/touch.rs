@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use palpate_model::touch::{
     Array, ArrayError, BASE, BY_RADIUS, Coefficients, Coil, CommonError, Indenter, Press, Profile,
-    ReadingError, Region, Verdict,
+    ReadingError, Region, Track, Verdict,
 };
 use palpate_model::units::{Metre, Newton};
 use proptest::prelude::*;
@@ -253,6 +253,54 @@ fn presses_all_over_the_disc_are_found() {
             presses.len()
         );
         assert!(presses.len() > 100 && evaluations <= 16);
+    }
+}
+
+/// A press that slides by 20 mm/s, 250 scans/s with noise: of each scan the track, with two evaluations,
+/// has the press that a whole fit has.
+#[test]
+fn a_track_has_the_answers_of_a_whole_fit() {
+    for (sensor, name) in [(&*THREE, "three"), (&*SEVEN, "seven")] {
+        let mut rng = Rng::new(3);
+        let (mut track, mut worst, mut open, mut scans) = (Track::default(), 0.0_f32, 0, 0);
+        for press in 0..20 {
+            let indenter = if name == "three" {
+                pin(2e-3)
+            } else {
+                Indenter::Unknown
+            };
+            for scan in 0..50 {
+                let along = 80e-6 * f64::from(scan) - 2e-3;
+                let force_n = 0.2 + 0.05 * f64::from(press);
+                let truth = [along, 1e-3, force_n, 2e-3];
+                let mut readings = sensor.scan(&[truth]);
+                for reading in &mut readings {
+                    *reading += (NOISE * rng.normal()) as f32;
+                }
+                let whole = sensor.array.estimate(&readings, &indenter, None);
+                let found = sensor.array.track(&readings, &indenter, &mut track);
+                scans += 1;
+                let Some((found, whole)) = found.claimed().zip(whole.claimed()) else {
+                    open += 1;
+                    continue;
+                };
+                let off = [
+                    (found.x - whole.x).0,
+                    (found.y - whole.y).0,
+                    (found.force / whole.force).ln(),
+                    (found.radius / whole.radius).ln(),
+                ];
+                for (off, row) in off.iter().zip(0..) {
+                    worst = worst.max(off.abs() / whole.covariance[row][row].sqrt());
+                }
+            }
+            let nothing = vec![0.0; sensor.world.coils.len()];
+            let verdict = sensor.array.track(&nothing, &indenter, &mut track);
+            assert_eq!(verdict, Verdict::TooSmall);
+        }
+        println!("{name}: at most {worst:.3} sigma apart, {open} of {scans} scans without a press");
+        assert!(worst < 0.15, "{name}: {worst}");
+        assert!(open <= scans / 25, "{name}: {open} of {scans}");
     }
 }
 
