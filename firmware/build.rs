@@ -16,7 +16,8 @@ use std::process::Command;
 /// everything except the storage continues to run.
 ///
 /// The start-up code, which has ended before any flash is erased, and the storage, which waits for each
-/// erase, stay in flash. The functions that these two call are in RAM unless the linker script below
+/// erase, stay in flash; so do the estimate of a touch and the setting of parts of the configuration, which
+/// the procedure runs only while the storage does not work. The functions that these two call are in RAM unless the linker script below
 /// selects them by name.
 ///
 /// Code that relies on the time between two instructions must also be in RAM, in a function of its own
@@ -43,6 +44,11 @@ SECTIONS {
         *(.text.*palpate_storage*);
         *(.text.*palpate_node7storage* .text.*palpate_node..storage*);
         *(.text.*palpate_firmware5tasks7storage*);
+        *(.text.*palpate_model5touch* .text.*palpate_model..touch*);
+        *(.text.*palpate_procedure5touch* .text.*palpate_procedure..touch*);
+        *(.text.*palpate_procedure13configuration13Configuration3set*);
+        *(.text.*palpate_model17calibration_curve22MonotoneCurve*3new*);
+        *(.text.*palpate_node10instrument10Instrument4make*);
     } > FLASH
 } INSERT BEFORE .text;
 SECTIONS {

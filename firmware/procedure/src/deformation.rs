@@ -228,9 +228,14 @@ impl Follower {
     }
 }
 
+/// Returns the memory of a baseline, as a number of readings.
+pub(crate) fn memory(settings: &Settings) -> f32 {
+    (settings.rate_hz * MEMORY_S).clamp(LEAST_MEMORY, MOST_MEMORY)
+}
+
 /// Returns the settings of touch detection.
 fn watch(settings: &Settings) -> Watch {
-    let memory = (settings.rate_hz * MEMORY_S).clamp(LEAST_MEMORY, MOST_MEMORY);
+    let memory = memory(settings);
     Watch {
         memory,
         settling: memory as u32,

@@ -23,6 +23,7 @@ pub mod storage;
 mod stream;
 pub mod thermometer;
 mod time;
+mod touch;
 
 pub use action::{Action, Actions};
 /// Units of the quantities in the public functions.

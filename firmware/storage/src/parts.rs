@@ -4,7 +4,7 @@ use palpate_wire::Command;
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
     DeformationCurve, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
-    TemperatureEffect, Tip,
+    TemperatureEffect, Tip, TouchArray,
 };
 
 use crate::item::{Item, Key};
@@ -104,6 +104,7 @@ parts! {
     11, 1, whole SetTemperatureCoefficients(TemperatureCoefficients), _of => ONLY;
     13, 1, whole SetTip(Tip), _of => ONLY;
     18, 1, whole SetContact(ContactTolerance), _of => ONLY;
+    19, 1, chunk SetTouchArray(TouchArray), of => ONLY;
     // The identity is last, since it is checked against all other parts, including those of later
     // versions.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;

@@ -1,12 +1,24 @@
-//! Reception of a curve in chunks.
+//! Reception of a curve, or of an array, in chunks.
 
-use palpate_wire::command::MAX_KNOTS;
+use palpate_model::touch::MOST_COILS;
+use palpate_wire::command::{ARRAY_NUMBERS, COIL_NUMBERS, MAX_KNOTS};
+
+/// Pairs of numbers of the largest array, which are more than the knots of the largest curve.
+const MOST_POINTS: usize = (ARRAY_NUMBERS + COIL_NUMBERS * MOST_COILS) / 2;
+const _: () = assert!(MOST_POINTS >= MAX_KNOTS as usize);
 
 /// Calibration part that the received curve is for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
-    Deformation { sensor: u8, channel: u8 },
-    Stiffening { uncertainty: f32 },
+    Deformation {
+        sensor: u8,
+        channel: u8,
+    },
+    Stiffening {
+        uncertainty: f32,
+    },
+    /// An array, whose numbers are received in pairs.
+    Array,
 }
 
 /// Curve that is being received: its knots so far.
@@ -14,7 +26,7 @@ pub(super) enum Target {
 pub(super) struct Assembly {
     target: Target,
     total: u8,
-    points: heapless::Vec<(f32, f32), { MAX_KNOTS as usize }>,
+    points: heapless::Vec<(f32, f32), MOST_POINTS>,
 }
 
 impl Assembly {

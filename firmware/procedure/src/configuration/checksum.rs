@@ -28,7 +28,10 @@ impl Configuration {
             (Part::StiffeningCurve, Some(SetStiffening::Curve { rise, uncertainty })) => {
                 rise.checksum() ^ uncertainty.to_bits()
             }
-            _ => configuration_crc(self.setter(part, sensor, channel, 0)),
+            _ => {
+                let chunks = (0..).map_while(|chunk| self.setter(part, sensor, channel, chunk));
+                configuration_crc(chunks)
+            }
         }
     }
 
@@ -73,7 +76,7 @@ pub(crate) mod tests {
     use palpate_wire::command::{
         Attraction, Coil, ContactTolerance, Crosstalk, CurrentCorrection, DeformationCurve,
         DeformationKnot, Springs, Stiffening, StiffeningCurve, StiffeningKnot, Tank,
-        TemperatureCoefficients, TemperatureEffect, Tip,
+        TemperatureCoefficients, TemperatureEffect, Tip, TouchArray,
     };
 
     use super::*;
@@ -135,6 +138,22 @@ pub(crate) mod tests {
         })
     }
 
+    /// An array of one coil.
+    fn array() -> Vec<Command> {
+        let mut numbers = [0.1; 40];
+        numbers[..2].copy_from_slice(&[1.0, 1.0]);
+        numbers[14] = 0.05;
+        let chunks = [(0, 0..16), (16, 16..32), (32, 32..40)];
+        let command = |(first, range): (u8, core::ops::Range<usize>)| {
+            Command::SetTouchArray(TouchArray {
+                total: 40,
+                first,
+                numbers: numbers[range].iter().copied().collect(),
+            })
+        };
+        chunks.map(command).to_vec()
+    }
+
     /// Inverts one bit of a part.
     type Upset = fn(&mut Configuration);
 
@@ -143,7 +162,7 @@ pub(crate) mod tests {
     }
 
     /// Commands for one item, the kind of its record, and bit errors in it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 14] {
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 15] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
@@ -270,6 +289,14 @@ pub(crate) mod tests {
                 })],
                 0x28,
                 vec![|of| invert(&mut of.contact.as_mut().unwrap().zero_uncertainty_m)],
+            ),
+            (
+                array(),
+                0x29,
+                vec![
+                    |of| invert(&mut of.array.as_mut().unwrap().indenter[3]),
+                    |of| of.array = None,
+                ],
             ),
         ]
     }

@@ -4,6 +4,7 @@
 //! in chunks and take effect with their last knot. Values are stored in the form that the model computes
 //! with. Readback records are made from these values, so there is no second copy that could differ.
 
+mod array;
 mod assembly;
 mod checksum;
 mod parts;
@@ -18,11 +19,12 @@ use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
     MAX_KNOTS, Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
-    TemperatureEffect, Tip,
+    TemperatureEffect, Tip, TouchArray,
 };
 
 use crate::answer::{Answer, field};
-use crate::{BoardInfo, Limits};
+use crate::{BoardInfo, Limits, touch};
+pub(crate) use array::ActiveArray;
 use assembly::{Assembly, Target};
 #[cfg(test)]
 pub(crate) use checksum::tests;
@@ -51,6 +53,7 @@ pub struct Configuration {
     /// Stored and reported for hosts.
     tip: Option<Tip>,
     contact: Option<ContactTolerance>,
+    array: Option<ActiveArray>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// Checksums of all items.
@@ -148,6 +151,7 @@ impl Default for Configuration {
             temperature_coefficients: None,
             tip: None,
             contact: None,
+            array: None,
             identity: None,
             assembly: None,
             sums: [0; ITEMS],
@@ -199,6 +203,11 @@ impl Configuration {
         self.coil.as_ref()
     }
 
+    /// Returns the array of coils.
+    pub(crate) const fn array(&self) -> Option<&ActiveArray> {
+        self.array.as_ref()
+    }
+
     /// Returns the correction of the current measurement.
     pub(crate) const fn current_correction(&self) -> Option<&CurrentCorrection> {
         self.current_correction.as_ref()
@@ -227,6 +236,7 @@ impl Configuration {
     pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Answer> {
         let answer = match command {
             Command::SetSettings(settings) => self.set_settings(settings, board),
+            Command::SetTouchArray(chunk) => self.set_touch_array(chunk, board),
             _ => self.take(command, board)?.into(),
         };
         // While a curve is incomplete, the configuration has not changed.
@@ -341,6 +351,22 @@ impl Configuration {
         self.assemble(target, chunk.total, chunk.first, knots)
     }
 
+    fn set_touch_array(&mut self, chunk: &TouchArray, board: &BoardInfo) -> Answer {
+        let (pairs, _) = chunk.numbers.as_chunks::<2>();
+        let pairs = pairs.iter().map(|[one, other]| (*one, *other));
+        match self.collect(Target::Array, chunk.total / 2, chunk.first / 2, pairs) {
+            Err(outcome) => outcome.into(),
+            Ok(None) => Outcome::Accepted.into(),
+            Ok(Some(whole)) => match touch::read(whole.points(), board) {
+                Ok(array) => {
+                    self.array = Some(array);
+                    Outcome::Accepted.into()
+                }
+                Err(answer) => answer,
+            },
+        }
+    }
+
     fn on_channel(
         &mut self,
         sensor: u8,
@@ -366,18 +392,11 @@ impl Configuration {
         first: u8,
         knots: impl Iterator<Item = (f32, f32)>,
     ) -> Outcome {
-        let begun = match self.assembly.take() {
-            _ if first == 0 => Assembly::new(target, total),
-            Some(begun) if begun.continues(target, total, first) => begun,
-            _ => return Outcome::OutOfSequence,
+        let assembly = match self.collect(target, total, first, knots) {
+            Ok(Some(assembly)) => assembly,
+            Ok(None) => return Outcome::Accepted,
+            Err(outcome) => return outcome,
         };
-        let Some(assembly) = begun.with(knots) else {
-            return Outcome::OutOfSequence;
-        };
-        if !assembly.is_complete() {
-            self.assembly = Some(assembly);
-            return Outcome::Accepted;
-        }
         match Curve::new(assembly.points()) {
             Ok(curve) => self.take_curve(target, curve),
             Err(CurveError::NotMonotone { .. }) => Outcome::NotMonotone,
@@ -385,6 +404,27 @@ impl Configuration {
             Err(CurveError::NotFinite { .. }) => Outcome::NotFinite,
             Err(CurveError::TooFew { .. } | CurveError::TooMany { .. }) => Outcome::OutOfSequence,
         }
+    }
+
+    /// Adds a chunk to what is being received, and returns it when it is complete.
+    fn collect(
+        &mut self,
+        target: Target,
+        total: u8,
+        first: u8,
+        points: impl Iterator<Item = (f32, f32)>,
+    ) -> Result<Option<Assembly>, Outcome> {
+        let begun = match self.assembly.take() {
+            _ if first == 0 => Assembly::new(target, total),
+            Some(begun) if begun.continues(target, total, first) => begun,
+            _ => return Err(Outcome::OutOfSequence),
+        };
+        let assembly = begun.with(points).ok_or(Outcome::OutOfSequence)?;
+        if assembly.is_complete() {
+            return Ok(Some(assembly));
+        }
+        self.assembly = Some(assembly);
+        Ok(None)
     }
 
     fn take_curve(&mut self, target: Target, curve: Curve) -> Outcome {
@@ -402,6 +442,7 @@ impl Configuration {
                     uncertainty,
                 });
             }
+            Target::Array => return Outcome::OutOfSequence,
         }
         Outcome::Accepted
     }

@@ -4,7 +4,7 @@ use palpate_wire::Command;
 use palpate_wire::code::Part;
 
 /// Parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 14] = [
+pub(super) const PARTS: [Part; 15] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -18,6 +18,7 @@ pub(super) const PARTS: [Part; 14] = [
     Part::TemperatureCoefficients,
     Part::Tip,
     Part::Contact,
+    Part::TouchArray,
     // Last, since it is checked against all others.
     Part::CalibrationIdentity,
 ];
@@ -77,12 +78,13 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
         Command::SetTemperatureCoefficients(_) => part == Part::TemperatureCoefficients,
         Command::SetTip(_) => part == Part::Tip,
         Command::SetContact(_) => part == Part::Contact,
+        Command::SetTouchArray(_) => part == Part::TouchArray,
         _ => false,
     }
 }
 
-/// Returns whether a command sets or removes the calibration's identity; setting any part but the tip,
-/// which is not calibrated, removes it.
+/// Returns whether a command sets or removes the calibration's identity; setting any part removes it but
+/// the tip, which is not calibrated, and the array, which is calibrated by itself.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
         SetAttraction, SetCalibrationIdentity, SetCoil, SetContact, SetCrosstalk,

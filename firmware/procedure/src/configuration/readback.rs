@@ -40,12 +40,12 @@ impl Configuration {
         configuration_crc(self.commands(Cursor::default()))
     }
 
-    /// Returns the CRC-32 over the parts of the calibration, without its identity and the tip.
+    /// Returns the CRC-32 over the parts of the calibration, without its identity, tip and array.
     pub fn calibration_crc(&self) -> u32 {
         let is_part = |command: &Command| {
             !matches!(
                 command,
-                Command::SetCalibrationIdentity(_) | Command::SetTip(_)
+                Command::SetCalibrationIdentity(_) | Command::SetTip(_) | Command::SetTouchArray(_)
             )
         };
         configuration_crc(self.commands(Cursor::CALIBRATION).filter(is_part))
@@ -100,6 +100,7 @@ impl Configuration {
             Command::SetTemperatureCoefficients(of) => Record::TemperatureCoefficients(of),
             Command::SetTip(of) => Record::Tip(of),
             Command::SetContact(of) => Record::Contact(of),
+            Command::SetTouchArray(of) => Record::TouchArray(of),
             Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
         })
@@ -118,6 +119,7 @@ impl Configuration {
                 return deformation_chunk(of?.curve.as_ref()?, sensor, channel, chunk);
             }
             Part::StiffeningCurve => return self.stiffening_chunk(chunk),
+            Part::TouchArray => return self.array.as_ref()?.chunk(chunk),
             _ if chunk > 0 => return None,
             _ => {}
         }

@@ -13,6 +13,7 @@ use crate::board::MOST_CRASHES;
 use crate::link::Link;
 use crate::measurement::Reason;
 use crate::time::span;
+use crate::touch::Touching;
 
 /// Checks a command independent of the procedure's state.
 fn checked(message: &Command) -> Result<(), Invalid> {
@@ -220,6 +221,7 @@ impl Procedure {
                 self.begin_baseline();
                 self.sense_anew(out);
             }
+            Command::SetTouchArray(_) => self.touching = Touching::default(),
             Command::SetCoil(_) => self.follow_heat(),
             Command::SetCurrentCorrection(correction) => {
                 out.push(Action::CorrectCurrent(correction.clone()));

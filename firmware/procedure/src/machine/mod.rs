@@ -20,7 +20,7 @@ use crate::action::{Action, Actions};
 use crate::board::{BoardInfo, MOST_CRASHES};
 use crate::boot;
 use crate::configuration::{Configuration, ITEMS};
-use crate::deformation::{Deformation, Follower};
+use crate::deformation::{self, Deformation, Follower};
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
 use crate::link::Link;
@@ -28,6 +28,7 @@ use crate::list::gathered;
 use crate::relaxation::HeldPress;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
+use crate::touch::Touching;
 use state::{Budget, CoilTestState, FlaggedSince, Phase, Storage, Waiting, is_of_readings};
 
 /// Longest time between two steps. A step's time may precede that of the previous step by less than
@@ -70,6 +71,7 @@ pub struct Procedure {
     /// Time of the last evaluated conversion of each channel.
     evaluated: [[Option<Instant>; 4]; 2],
     streamers: [Streamer; 2],
+    touching: Touching,
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
@@ -132,6 +134,7 @@ impl Procedure {
             followers: Default::default(),
             evaluated: Default::default(),
             streamers: Default::default(),
+            touching: Touching::default(),
             heat: None,
             conditions: Conditions::default(),
             counters: Counters::default(),
@@ -301,6 +304,7 @@ impl Procedure {
 
     /// Discards the baseline and the touch state.
     fn begin_baseline(&mut self) {
+        self.touching = Touching::default();
         self.evaluated = Default::default();
         let settings = &self.configuration.settings;
         for (sensor, of) in self.followers.iter_mut().enumerate() {
@@ -315,6 +319,7 @@ impl Procedure {
 
     /// Learns the baseline again, after an interruption or with other settings; a touch remains.
     fn resume_baseline(&mut self) {
+        self.touching = Touching::default();
         let settings = &self.configuration.settings;
         for (sensor, of) in self.followers.iter_mut().enumerate() {
             let has = self.board.channels.get(sensor).copied().unwrap_or(0) & settings.channels;
@@ -361,6 +366,13 @@ impl Procedure {
             && let Some((at, record)) = streamer.push(scan, &deformations, settings, springs)
         {
             out.record_of(at, record);
+        }
+        let memory = deformation::memory(settings) as u16;
+        if let Some(array) = self.configuration.array()
+            && self.can_read_flash()
+            && let Some(touch) = self.touching.push(array, scan, memory)
+        {
+            out.record_of(scan.middle, Record::Touch(touch));
         }
         // The zero of a touch depends on the temperature, which this status contains: the records have
         // all inputs of a deformation, so that it can be recomputed from them.

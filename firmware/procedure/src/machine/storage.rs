@@ -100,6 +100,14 @@ impl Procedure {
         out.push(Action::Storage(order));
     }
 
+    /// Returns whether flash can be read: it is not being erased or programmed, and no operation that
+    /// might do so was abandoned.
+    pub(super) fn can_read_flash(&self) -> bool {
+        let Storage { stored, work, .. } = &self.storage;
+        let is_given_up = self.board.storage && stored.state == StorageState::Unavailable;
+        work.is_none() && !is_given_up
+    }
+
     /// Handles a report of the storage. Reports of an abandoned operation are ignored.
     pub(super) fn storage_reported(&mut self, report: &StorageReport, out: &mut Out<'_>) {
         let Some(work) = &mut self.storage.work else {

@@ -3,13 +3,14 @@
 
 use crate::support::Rig;
 use crate::support::calibration::{
-    calibration, contact, settings, temperature_coefficients, temperature_effect, tip,
+    array, array_numbers, calibration, contact, settings, temperature_coefficients,
+    temperature_effect, tip,
 };
 use crate::support::sensor::Sensor;
 use palpate_procedure::Action;
 use palpate_wire::code::{Outcome, Part, State};
 use palpate_wire::command::{
-    CurrentCorrection, GetCalibration, Settings, StiffeningCurve, StiffeningKnot,
+    CurrentCorrection, GetCalibration, Settings, StiffeningCurve, StiffeningKnot, TouchArray,
 };
 use palpate_wire::record::Status;
 use palpate_wire::{Command, Message, Record};
@@ -107,6 +108,7 @@ fn what_was_set_is_read_back_and_numbered() {
     sent.push(temperature_coefficients(-0.001, 0.002));
     sent.push(tip());
     sent.push(contact(0.004, 2e-6));
+    sent.extend(array(&array_numbers()));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -130,6 +132,8 @@ fn what_was_set_is_read_back_and_numbered() {
             Outcome::NotSet
         };
         assert_eq!(rig.outcome(get(*part)), expected, "{part}");
+        // The further chunks of a part come one per step.
+        rig.run(5);
     }
     let as_command = |(_, record): &(_, Record)| match record.clone() {
         Record::Settings(of) => Some(Command::SetSettings(of)),
@@ -144,6 +148,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
         Record::Tip(of) => Some(Command::SetTip(of)),
         Record::Contact(of) => Some(Command::SetContact(of)),
+        Record::TouchArray(of) => Some(Command::SetTouchArray(of)),
         _ => None,
     };
     let read: Vec<_> = rig.records.iter().filter_map(as_command).collect();
@@ -221,6 +226,50 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
         chunks.collect::<Vec<_>>(),
         [chunk(0, 7), chunk(8, 15), chunk(16, 19)]
     );
+}
+
+/// The wrong number, the outcome of the last chunk, and the index that it names.
+#[test]
+fn an_array_that_cannot_work_is_refused_and_the_one_before_stays() {
+    let mut rig = Rig::started();
+    let sound = array_numbers();
+    array(&sound).into_iter().for_each(|of| rig.accepted(of));
+    let crc = rig.procedure.configuration().crc();
+    for (index, value, outcome, item) in [
+        (0, 31.0, Outcome::NoSuchChannel, None),
+        (0, 14.5, Outcome::NoSuchChannel, None),
+        (0, 7.0, Outcome::Inconsistent, None),
+        (1, 0.5, Outcome::OutOfRange, None),
+        (4, 0.0, Outcome::OutOfRange, None),
+        (7, 0.015, Outcome::OutOfRange, Some(7)),
+        (8, -1e-3, Outcome::OutOfRange, None),
+        (13, 0.0, Outcome::OutOfRange, None),
+        (15, 1e-3, Outcome::OutOfRange, None),
+        (38, 0.0, Outcome::OutOfRange, None),
+        (39, -1e-5, Outcome::OutOfRange, None),
+    ] {
+        let mut numbers = sound.clone();
+        numbers[index] = value;
+        let mut commands = array(&numbers);
+        let last = commands.pop().unwrap();
+        commands.into_iter().for_each(|of| rig.accepted(of));
+        let answer = rig.send(last);
+        assert_eq!((answer.outcome, answer.item), (outcome, item), "{index}");
+        assert_eq!(rig.procedure.configuration().crc(), crc, "{index}");
+    }
+    // The chunk with the number is refused where the number is infinite or the list is odd.
+    for (numbers, outcome) in [
+        (vec![f32::NAN, 1.0], Outcome::NotFinite),
+        (vec![1.0; 3], Outcome::Inconsistent),
+        (vec![], Outcome::Inconsistent),
+    ] {
+        let chunk = TouchArray {
+            total: 52,
+            first: 0,
+            numbers: numbers.into_iter().collect(),
+        };
+        assert_eq!(rig.outcome(Command::SetTouchArray(chunk)), outcome);
+    }
 }
 
 #[test]

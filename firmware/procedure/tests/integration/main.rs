@@ -18,3 +18,4 @@ mod rest;
 mod storage;
 mod streams;
 mod support;
+mod touches;

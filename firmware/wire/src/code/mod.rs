@@ -19,7 +19,7 @@ mod storage;
 pub use fault::{FaultCode, Location};
 pub use identity::{Board, Chip, ResetCause};
 pub use outcome::Outcome;
-pub use procedure::{Contact, Drift, Mode, Part, State, Stream, TipShape};
+pub use procedure::{Contact, Drift, Mode, Part, State, Stream, TipShape, TouchVerdict};
 pub use refusal::RefusalReason;
 pub use storage::{RebootTarget, StorageAction, StorageState};
 

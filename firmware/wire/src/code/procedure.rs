@@ -113,5 +113,32 @@ codes! {
         Tip = 0x23 "tip",
         /// Contacts for which intervals hold.
         Contact = 0x28 "contact",
+        /// Array of coils for place, force and radius of a press.
+        TouchArray = 0x29 "touch_array",
+    }
+
+    /// What the readings of an array of coils say.
+    pub enum TouchVerdict {
+        /// The reading of the untouched sensor is being learnt.
+        Settling = 1 "settling",
+        /// No reading is clearly above its noise.
+        Clear = 2 "clear",
+        /// A press: place, force and radius.
+        Inside = 3 "inside",
+        /// A press: place and force hold for every radius that was possible beforehand.
+        RadiusNotDetermined = 4 "radius_not_determined",
+        /// The press lies outside of the calibrated disc.
+        BeyondArray = 5 "beyond_array",
+        /// No single press gives these readings: two contacts, an edge, a tilted face, a changed gain, or
+        /// another indenter than declared.
+        DoesNotFit = 6 "does_not_fit",
+        /// The readings do not determine place and force.
+        NotConverged = 7 "not_converged",
+        /// A reading is flagged.
+        NotReadable = 8 "not_readable",
+        /// A reading is clearly below that of the untouched sensor and none is above: a press beyond the
+        /// array, or the sensor was pressed while its untouched reading was learnt. `set_settings` lets it
+        /// learn anew.
+        BelowRest = 9 "below_rest",
     }
 }

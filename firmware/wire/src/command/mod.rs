@@ -10,6 +10,7 @@ mod current;
 mod curve;
 mod request;
 mod settings;
+mod touch;
 
 pub use calibration::{
     Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, Springs, Stiffening, Tank,
@@ -21,6 +22,7 @@ pub use curve::{
 };
 pub use request::{ClearFault, DriveCoil, GetCalibration, Locate, Reboot};
 pub use settings::Settings;
+pub use touch::{ARRAY_NUMBERS, COIL_NUMBERS, NUMBERS_PER_CHUNK, TouchArray};
 
 messages! {
     /// A command from the PC to the device.
@@ -111,6 +113,9 @@ messages! {
             Locate(Locate) = 0xA2 "locate",
             /// Sets the contacts for which intervals hold. Not while armed.
             SetContact(ContactTolerance) = 0xA8 "set_contact",
+            /// Calibrates an array of coils for place, force and radius of a press, chunk by chunk: it
+            /// then learns the reading of the untouched sensor, and sends `touch`. Not while armed.
+            SetTouchArray(TouchArray) = 0xA9 "set_touch_array",
         }
     }
 }

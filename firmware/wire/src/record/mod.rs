@@ -4,7 +4,7 @@ use crate::Message;
 use crate::command::{
     Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
     DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve, Tank,
-    TemperatureCoefficients, TemperatureEffect, Tip,
+    TemperatureCoefficients, TemperatureEffect, Tip, TouchArray,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -15,12 +15,14 @@ mod hello;
 mod measurement;
 mod sample;
 mod storage;
+mod touch;
 
 pub use event::{Acknowledgement, CoilTest, CurrentTrace, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
 pub use measurement::{Estimate, LoadPoint, Refusal, Relaxation, UncertaintyBudget};
 pub use sample::{Conversion, Raw, Sample};
 pub use storage::Storage;
+pub use touch::Touch;
 
 // A new record: docs/first-change.md.
 messages! {
@@ -96,6 +98,10 @@ messages! {
             Tip(Tip) = 0x23 "tip",
             /// Contacts for which intervals hold: answer to `get_calibration`.
             Contact(ContactTolerance) = 0x28 "contact",
+            /// Part of an array's calibration: answer to `get_calibration`.
+            TouchArray(TouchArray) = 0x29 "touch_array",
+            /// Place, force and contact radius of a press: with an array, for every scan of its coils.
+            Touch(Touch) = 0x2A "touch",
         }
     }
 }

@@ -141,12 +141,14 @@ fn is_whole(records: &[Record]) -> bool {
         .map(|record| match record {
             Record::DeformationCurve(chunk) => chunk.knots.len(),
             Record::StiffeningCurve(chunk) => chunk.knots.len(),
+            Record::TouchArray(chunk) => chunk.numbers.len(),
             _ => 0,
         })
         .sum();
     match records.last() {
         Some(Record::DeformationCurve(chunk)) => knots == usize::from(chunk.total),
         Some(Record::StiffeningCurve(chunk)) => knots == usize::from(chunk.total),
+        Some(Record::TouchArray(chunk)) => knots == usize::from(chunk.total),
         last => last.is_some(),
     }
 }
@@ -169,6 +171,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
         Record::TemperatureCoefficients(of) => Command::SetTemperatureCoefficients(of),
         Record::Tip(of) => Command::SetTip(of),
         Record::Contact(of) => Command::SetContact(of),
+        Record::TouchArray(of) => Command::SetTouchArray(of),
         Record::CalibrationIdentity(of) => Command::SetCalibrationIdentity(of),
         _ => return None,
     })
@@ -183,6 +186,7 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         Command::SetDeformationCurve(of) => (kind, of.sensor, of.channel, of.first),
         Command::SetCrosstalk(of) => (kind, of.sensor, of.channel, 0),
         Command::SetStiffeningCurve(of) => (kind, 0, 0, of.first),
+        Command::SetTouchArray(of) => (kind, 0, 0, of.first),
         Command::SetSettings(_)
         | Command::SetSprings(_)
         | Command::SetStiffening(_)

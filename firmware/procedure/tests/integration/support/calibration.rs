@@ -4,8 +4,9 @@ use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
 use palpate_wire::code::TipShape;
 use palpate_wire::command::{
-    Attraction, Coil, ContactTolerance, Crosstalk, DeformationCurve, DeformationKnot, Settings,
-    Springs, Stiffening, TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, Coil, ContactTolerance, Crosstalk, DeformationCurve, DeformationKnot,
+    NUMBERS_PER_CHUNK, Settings, Springs, Stiffening, TemperatureCoefficients, TemperatureEffect,
+    Tip, TouchArray,
 };
 
 use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
@@ -127,6 +128,34 @@ pub(crate) fn contact(rise_uncertainty: f32, zero_uncertainty_m: f32) -> Command
         rise_uncertainty,
         zero_uncertainty_m,
     })
+}
+
+/// Numbers of an array: one coil in the centre and three around it at 6 mm, on channels 0 to 3, with a
+/// made-up profile, which reads 4 % per newton, and a pin of 2 mm declared.
+pub(crate) fn array_numbers() -> Vec<f32> {
+    let mut numbers = vec![15.0, 1.0, 2e-3, 0.0, 0.05];
+    numbers.extend([0.0, 0.0, 4e-3, 2e-3, 1e-3, 1e-5, 2e-3, 0.01]);
+    numbers.extend([2e-3, 1e-3, 5e-3, 2.0]);
+    numbers.extend([0.05, 0.03, 5e-3, -4e-3, -2e-3, -5e-4, 0.0, 0.0, 0.0]);
+    numbers.extend([-0.01, -3e-3, 2e-3, 1e-3, 0.0]);
+    numbers.extend([2e-3, 5e-4, -5e-4, 0.0, 0.0]);
+    for [x, y] in [[0.0, 0.0], [0.0, 6e-3], [5.2e-3, -3e-3], [-5.2e-3, -3e-3]] {
+        numbers.extend([x, y, 1.0, 1e-5]);
+    }
+    numbers
+}
+
+/// Returns the commands that set an array.
+pub(crate) fn array(numbers: &[f32]) -> Vec<Command> {
+    let chunks = numbers.chunks(NUMBERS_PER_CHUNK).enumerate();
+    let command = |(index, chunk): (usize, &[f32])| {
+        Command::SetTouchArray(TouchArray {
+            total: numbers.len() as u8,
+            first: (NUMBERS_PER_CHUNK * index) as u8,
+            numbers: chunk.iter().copied().collect(),
+        })
+    };
+    chunks.map(command).collect()
 }
 
 /// Returns the calibration that a measurement needs.

@@ -18,7 +18,7 @@ use palpate_wire::code::{Chip, FaultCode, Location, Outcome, ResetCause, State};
 use palpate_wire::command::{ClearFault, DriveCoil, Settings, StiffeningCurve};
 use palpate_wire::record::{
     Acknowledgement, CoilTest, Estimate, Fault, Hello, LoadPoint, Raw, Refusal, Relaxation, Sample,
-    StateChange, Status, Storage, UncertaintyBudget,
+    StateChange, Status, Storage, Touch, UncertaintyBudget,
 };
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
 
@@ -601,6 +601,7 @@ contents! {
     Status: Status,
     StiffeningCurve: StiffeningCurve,
     Storage: Storage,
+    Touch: Touch,
     UncertaintyBudget: UncertaintyBudget,
 }
 

@@ -218,6 +218,14 @@ pub(crate) fn fullest() -> Vec<Command> {
         rise_uncertainty: 4e-3,
         zero_uncertainty_m: 2e-6,
     }));
+    commands.extend((0..5_u8).map(|chunk| {
+        let first = NUMBERS_PER_CHUNK as u8 * chunk;
+        Command::SetTouchArray(TouchArray {
+            total: 68,
+            first,
+            numbers: (first..68).take(NUMBERS_PER_CHUNK).map(f32::from).collect(),
+        })
+    }));
     commands.extend(identity);
     commands
 }
