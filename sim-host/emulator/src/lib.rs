@@ -16,7 +16,7 @@ pub use board::coil::BridgeCircuit;
 pub use board::flash::{Flash, FlashOperation, FlashOperationKind, FlashTimes};
 pub use board::plant::{Plant, PlantConditions, PressedWorld, Still};
 pub use board::wire::{LineFault, WireLog};
-pub use board::{EmulatedBoard, Options, ResetCount, Uf2Error};
+pub use board::{EmulatedBoard, Options, ResetCount, SecondSensors, Uf2Error};
 pub use image::firmware;
 pub use image::profile::{Cost, Handler, Profile};
 pub use image::sources::{Function, Sources, SourcesError};

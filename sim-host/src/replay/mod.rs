@@ -18,7 +18,7 @@ mod run;
 use std::collections::HashMap;
 
 use palpate_procedure::Instant;
-use palpate_wire::code::{Contact, Outcome, RefusalReason, State, Stream};
+use palpate_wire::code::{Contact, Outcome, RefusalReason, State, StorageAction, Stream};
 use palpate_wire::command::Settings;
 use palpate_wire::record::{Acknowledgement, StateChange};
 use palpate_wire::{Command, Frame, Message, Record, encode};
@@ -165,6 +165,13 @@ impl Replay {
     /// Pauses the replay at a record whose cause is not in the recording, such as a fault.
     fn interrupt(&mut self, record: &Record) {
         let why = match record {
+            // The board estimates no touch, and follows no rest, while its storage works.
+            Record::Storage(of) if of.action != StorageAction::Inspect => {
+                if let Some(run) = &mut self.run {
+                    run.set_knows_rest(false);
+                }
+                return;
+            }
             Record::Fault(fault) if fault.active => Pause::Fault,
             Record::State(change) if is_driven(change) => Pause::Driven,
             Record::State(change) if is_set_anew(change) => Pause::Configuration,
@@ -199,6 +206,7 @@ impl Replay {
             return None;
         }
         let replayed = match &mut self.run {
+            Some(run) if !run.knows(&frame.message) => Err(Pause::BegunBefore),
             Some(run) => run.take(&frame.message).ok_or(Pause::OutOfStep),
             None => Err(self.pause.unwrap_or(Pause::BegunBefore)),
         };
@@ -227,6 +235,11 @@ impl Replay {
             && group.iter().any(|frame| starts_learning(&frame.message))
         {
             self.begin(Instant::from_ticks(last.header.time_us));
+            // Only a command lets the board learn the rest of an array.
+            let is_answer = |frame: &Frame<Record>| is_anew(&frame.message);
+            if let Some(run) = &mut self.run {
+                run.set_knows_rest(group.iter().any(is_answer));
+            }
         }
     }
 
@@ -257,13 +270,25 @@ fn starts_learning(record: &Record) -> bool {
                     State::Settling | State::Peak | State::Ramps | State::Manual
                 )
         }
+        _ => is_anew(record),
+    }
+}
+
+/// Whether a command was accepted after which the board learns anew.
+fn is_anew(record: &Record) -> bool {
+    match record {
         Record::Acknowledgement(answer) => sets(answer).is_some_and(|name| ANEW.contains(&name)),
         _ => false,
     }
 }
 
 /// Commands after which the board learns the baseline again.
-const ANEW: [&str; 3] = ["set_settings", "set_deformation_curve", "set_crosstalk"];
+const ANEW: [&str; 4] = [
+    "set_settings",
+    "set_deformation_curve",
+    "set_crosstalk",
+    "set_touch_array",
+];
 
 /// Name of the `set_` command that this answer accepts, if it does.
 fn sets(answer: &Acknowledgement) -> Option<&'static str> {

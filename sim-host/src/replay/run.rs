@@ -43,6 +43,8 @@ pub(super) struct Run {
     before_edge: Duration,
     /// Converter and channel of each deformation curve.
     curves: Vec<(u8, u8)>,
+    /// The untouched sensor of an array has been learnt by the replay as by the board.
+    knows_rest: bool,
     /// Computed records that have not been compared yet.
     made: Vec<Record>,
 }
@@ -71,6 +73,7 @@ impl Run {
             window: Duration::from_ticks(scheme.window_us.into()),
             before_edge: Duration::from_ticks(scheme.before_edge_us.into()),
             curves: curves(&active_configuration.calibration),
+            knows_rest: false,
             made: Vec::new(),
         };
         run.event(at, &Event::Tick);
@@ -100,7 +103,7 @@ impl Run {
     pub(super) fn step(&mut self, group: &[Frame<Record>]) {
         // Drops computed samples that the board did not send: no later record can match them.
         self.made
-            .retain(|record| is_computed(record) && !matches!(record, Record::Sample(_)));
+            .retain(|record| is_computed(record) && !is_of_a_scan(record));
         for (place, frame) in group.iter().enumerate() {
             let at = Instant::from_ticks(frame.header.time_us);
             match &frame.message {
@@ -117,6 +120,15 @@ impl Run {
                 _ => {}
             }
         }
+    }
+
+    /// Whether touches can be compared; `false` for good once the board may have left out a scan.
+    pub(super) const fn set_knows_rest(&mut self, knows_rest: bool) {
+        self.knows_rest = knows_rest;
+    }
+
+    pub(super) const fn knows(&self, record: &Record) -> bool {
+        self.knows_rest || !matches!(record, Record::Touch(_))
     }
 
     /// Takes the computed record that corresponds to a record of the board.
@@ -302,5 +314,11 @@ pub(super) const fn is_computed(record: &Record) -> bool {
             | Record::Relaxation(_)
             | Record::LoadPoint(_)
             | Record::Refusal(_)
+            | Record::Touch(_)
     )
+}
+
+/// Whether a scan makes the record at once.
+const fn is_of_a_scan(record: &Record) -> bool {
+    matches!(record, Record::Sample(_) | Record::Touch(_))
 }

@@ -9,6 +9,7 @@ mod fault_schedules;
 mod hostile;
 mod on_target;
 mod sigma;
+mod touch;
 
 // Functions that the firmware example on_target runs on the processor.
 #[path = "../../../firmware/examples/on_target/arithmetic.rs"]

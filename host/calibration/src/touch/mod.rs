@@ -7,6 +7,7 @@
 //! [`CommonError`]); how many more presses would be enough follows from it
 //! ([`ArrayCalibration::more_presses`]).
 
+mod commands;
 mod fit;
 mod profile;
 mod reduced;
@@ -15,6 +16,7 @@ mod suspect;
 mod tests;
 mod tip;
 
+pub use commands::DeclaredIndenter;
 pub use profile::{BASE, BY_RADIUS, Scales};
 pub use reduced::{CommonError, Goal, ReadingError};
 pub use suspect::{Cause, Suspect};

@@ -2,8 +2,10 @@
 
 use ldc161x_sim::{Ack, Chip, ExternalClock, Time};
 
-/// A second converter, with sensors of constant frequencies, Hz.
-pub(crate) type SecondChip = Chip<[f64; 4]>;
+use super::options::SecondSensors;
+
+/// A second converter.
+pub(crate) type SecondChip = Chip<SecondSensors>;
 
 /// The converters on the bus: one or two.
 #[derive(Clone, Debug)]

@@ -15,7 +15,7 @@ pub(crate) mod wire;
 use std::ops::Range;
 
 pub use boot_loader::Uf2Error;
-pub use options::Options;
+pub use options::{Options, SecondSensors};
 
 use boot_loader::BootLoader;
 use ldc161x_sim::{Chip, Settings, Time};
@@ -105,7 +105,7 @@ impl<P: Plant> EmulatedBoard<P> {
     /// `chip`. The firmware sets the converter's clock input, whatever the settings say.
     #[must_use]
     pub fn new(image: &Image, plant: P, chip: Settings, options: Options) -> Self {
-        let second = options.second_converter.map(|sensors| {
+        let second = options.second_converter.clone().map(|sensors| {
             let mut second = Chip::new(chip, sensors);
             second.set_shutdown(true);
             second.set_address_pin(true);
@@ -488,7 +488,7 @@ impl<P: Plant> EmulatedBoard<P> {
     // ---- external parts ----
 
     /// The second converter, to schedule faults and to read its record; `None` without one.
-    pub const fn second_chip_mut(&mut self) -> Option<&mut Chip<[f64; 4]>> {
+    pub const fn second_chip_mut(&mut self) -> Option<&mut Chip<SecondSensors>> {
         // A scheduled fault may be due at once.
         self.bus.next_event_ps = 0;
         self.bus.wire.converters.second.as_mut()

@@ -1,8 +1,37 @@
 //! Options of an emulated board.
 
+use std::fmt;
+use std::sync::Arc;
+
+use ldc161x_sim::Sensors;
+
 use crate::board::coil::BridgeCircuit;
 use crate::board::flash::FlashTimes;
 use crate::time::Time;
+
+/// Sensors of the second converter.
+#[derive(Clone)]
+pub struct SecondSensors(Arc<dyn Sensors + Send + Sync>);
+
+impl SecondSensors {
+    /// Sensors that are constant, or depend on time.
+    #[must_use]
+    pub fn new(sensors: impl Sensors + Send + Sync + 'static) -> Self {
+        Self(Arc::new(sensors))
+    }
+}
+
+impl fmt::Debug for SecondSensors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SecondSensors").finish_non_exhaustive()
+    }
+}
+
+impl Sensors for SecondSensors {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.0.frequency_hz(channel, time_s)
+    }
+}
 
 /// Differences between emulated boards.
 #[derive(Clone, Debug)]
@@ -23,9 +52,9 @@ pub struct Options {
     pub scl_rise: Time,
     /// Bridge and current measurement.
     pub drive: BridgeCircuit,
-    /// Sensor frequencies of a second converter, Hz, at address 0x2B with INTB at GP9 and SD at
+    /// Sensors of a second converter, at address 0x2B with INTB at GP9 and SD at
     /// GP10; `None` without a second converter.
-    pub second_converter: Option<[f64; 4]>,
+    pub second_converter: Option<SecondSensors>,
     /// Whether bus traffic is recorded.
     pub record: bool,
     /// Whether pins and current are traced.

@@ -1,7 +1,7 @@
 //! Two converters on one bus: a failure of one does not affect the other.
 
 use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Settings};
-use palpate_emulator::{EmulatedBoard, LineFault, Options, Still, Time};
+use palpate_emulator::{EmulatedBoard, LineFault, Options, SecondSensors, Still, Time};
 use palpate_wire::Record;
 use palpate_wire::code::{Location, Outcome};
 use palpate_wire::command::Command;
@@ -24,7 +24,7 @@ fn streaming() -> RecordedBoard {
 /// Both converters stream with these channels and this rate.
 fn streaming_with(channels: u8, rate_hz: f32) -> RecordedBoard {
     let options = Options {
-        second_converter: Some(SECOND_HZ),
+        second_converter: Some(SecondSensors::new(SECOND_HZ)),
         ..recording()
     };
     let mut bench = RecordedBoard::with(Settings::default(), options);

@@ -43,7 +43,7 @@ impl Silicon {
     /// A board with two such converters.
     pub(crate) fn bench_of_two(self) -> RecordedBoard {
         self.bench_with(Options {
-            second_converter: Some(SECOND_HZ),
+            second_converter: Some(palpate_emulator::SecondSensors::new(SECOND_HZ)),
             ..recording()
         })
     }
