@@ -11,9 +11,9 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use commands::{
-    bring_up, calibrate, campaign, check, chip, coil, decode, devices, doctor, encode, export,
-    faults, flash, info, live, log_table, measure, packaging, record, replay, report, rig_gauge,
-    serve, settings, watch,
+    bring_up, calibrate, calibrate_touch, campaign, check, chip, coil, decode, devices, doctor,
+    encode, export, faults, flash, info, live, log_table, measure, packaging, record, replay,
+    report, rig_gauge, serve, settings, watch,
 };
 use palpate_cli::failure;
 use palpate_design::{field, plan, plan_ldc, plan_touch, stack, words};
@@ -41,6 +41,7 @@ enum Verb {
     BringUp(bring_up::Arguments),
     Coil(coil::Arguments),
     Calibrate(calibrate::verb::Arguments),
+    CalibrateTouch(calibrate_touch::Arguments),
     Watch(watch::Arguments),
     Live(live::Arguments),
     Measure(measure::Arguments),
@@ -81,6 +82,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Verb::BringUp(arguments) => bring_up::run(&arguments),
         Verb::Coil(arguments) => coil::run(&arguments),
         Verb::Calibrate(arguments) => calibrate::verb::run(&arguments),
+        Verb::CalibrateTouch(arguments) => calibrate_touch::run(&arguments),
         Verb::Watch(arguments) => watch::run(&arguments),
         Verb::Live(arguments) => live::run(&arguments),
         Verb::Measure(arguments) => measure::run(&arguments),

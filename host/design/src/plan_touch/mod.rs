@@ -25,7 +25,7 @@ use map::Map;
 /// Compute what several sensing coils under one elastic layer can determine of a press: place, force and radius of contact
 #[derive(Args)]
 #[command(after_help = "\
-A linear calculation for the design of a layout. The firmware does not compute place, force or radius yet. \
+A linear calculation for the design of a layout. \
 The layer is elastic, wide against its thickness and bonded to a rigid base; it is pressed without friction by Hertz's \
 pressure. Each coil reads the displacement of the layer's surface, weighted by its own field at the boundary of the \
 magnetic elastomer. Standard errors follow from the derivatives of all readings by x, y, ln F and ln a, with the noise, \

@@ -31,9 +31,7 @@ pub(super) fn text(layout: &Layout, limits: &Limits, maps: &[Map]) -> String {
         text.push_str(&remarks(map, limits));
     }
     text.push_str(&edge(layout));
-    text.push_str(
-        "A linear calculation for a design: the firmware does not compute these quantities yet.\n",
-    );
+    text.push_str("A linear calculation for a design.\n");
     text
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod bring_up;
 pub(crate) mod calibrate;
+pub(crate) mod calibrate_touch;
 pub(crate) mod campaign;
 pub(crate) mod check;
 pub(crate) mod chip;

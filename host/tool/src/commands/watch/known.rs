@@ -4,7 +4,7 @@ use palpate_cli::describe;
 use palpate_cli::describe::limited_by;
 use palpate_cli::modulus::{DeclaredTip, Evaluated};
 use palpate_wire::code::{Contact, FaultCode, State};
-use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status, UncertaintyBudget};
+use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status, Touch, UncertaintyBudget};
 use palpate_wire::{Frame, Record};
 use serde::Serialize;
 
@@ -27,6 +27,9 @@ pub(crate) struct Known {
     pub(crate) armed: bool,
     /// The last sample of each converter.
     pub(crate) samples: [Option<Sample>; 2],
+    /// Last touch of an array of coils; absent without an array.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) touch: Option<Touch>,
     pub(crate) status: Option<Status>,
     /// Last result with its time, s.
     pub(crate) result: Option<(f64, MeasurementResult)>,
@@ -113,6 +116,7 @@ impl Known {
                 self.state = Some(change.state);
                 self.armed = change.armed;
             }
+            Record::Touch(touch) => self.touch = Some(touch.clone()),
             Record::Status(status) => self.status = Some(status.clone()),
             Record::UncertaintyBudget(budget) => self.budget = Some(budget.clone()),
             Record::Estimate(estimate) => {

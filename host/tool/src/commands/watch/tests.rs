@@ -1,6 +1,6 @@
 //! Tests of the views at usual terminal sizes.
 
-use palpate_wire::code::{Contact, FaultCode, State};
+use palpate_wire::code::{Contact, FaultCode, State, TouchVerdict};
 use palpate_wire::record::{Conversion, Estimate, Sample, Status};
 use palpate_wire::{Frame, Header, Message, Record};
 
@@ -123,6 +123,22 @@ fn a_view_with_a_fault_and_losses_in_colour() {
     known.faults.push(FaultCode::SensorSilent);
     known.missing = 12;
     insta::assert_snapshot!(shown(&known, (24, 80), true).replace('\u{1b}', "ESC"));
+}
+
+#[test]
+fn a_touch_on_an_array_stands_with_its_errors_or_with_what_it_does_not_claim() {
+    let mut known = known();
+    assert!(!shown(&known, (24, 100), false).contains("radius"));
+    let mut touch = fixture("touch");
+    known.take(&frame(20.0, touch.clone()));
+    let text = shown(&known, (24, 100), false);
+    let line = "x 1.200 ± 0.020 mm, y -3.400 ± 0.030 mm, 0.800 ± 0.008 N, radius 2.50 ± 0.12 mm";
+    assert!(text.contains(line), "{text}");
+    if let Record::Touch(of) = &mut touch {
+        (of.verdict, of.x_m) = (TouchVerdict::DoesNotFit, None);
+    }
+    known.take(&frame(20.0, touch));
+    assert!(shown(&known, (24, 100), false).contains("does not fit"));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use console::Style;
 use palpate_cli::describe::stiffness;
 use palpate_cli::modulus::Evaluated;
 use palpate_wire::code::Contact;
-use palpate_wire::record::{Conversion, Estimate, Sample};
+use palpate_wire::record::{Conversion, Estimate, Sample, Touch};
 
 use super::chart;
 use super::history::History;
@@ -42,6 +42,12 @@ impl View {
                 .iter()
                 .flatten()
                 .flat_map(|of| self.sample(of)),
+        );
+        lines.extend(
+            known
+                .touch
+                .iter()
+                .map(|touch| self.plain("touch", &placed(touch))),
         );
         lines.push(self.conditions(known));
         lines.push(self.result(known));
@@ -226,6 +232,33 @@ impl View {
         let lines = lines.iter().map(|line| self.named("", line, style.clone()));
         lines.chain([self.plain("", &label)]).collect()
     }
+}
+
+/// Place, force and radius with their standard errors, or why there are none.
+fn placed(touch: &Touch) -> String {
+    let place = touch
+        .x_m
+        .zip(touch.x_sigma_m)
+        .zip(touch.y_m.zip(touch.y_sigma_m));
+    let force = touch.force_n.zip(touch.force_uncertainty);
+    let Some((((x, x_sigma), (y, y_sigma)), (force_n, part))) = place.zip(force) else {
+        return touch.verdict.name().replace('_', " ");
+    };
+    let [x, x_sigma, y, y_sigma] = [x, x_sigma, y, y_sigma].map(|of| 1e3 * of);
+    let radius = touch.radius_m.zip(touch.radius_uncertainty).map_or_else(
+        || "radius not determined".to_owned(),
+        |(radius_m, part)| {
+            format!(
+                "radius {:.2} ± {:.2} mm",
+                1e3 * radius_m,
+                1e3 * radius_m * part
+            )
+        },
+    );
+    format!(
+        "x {x:.3} ± {x_sigma:.3} mm, y {y:.3} ± {y_sigma:.3} mm, {force_n:.3} ± {:.3} N, {radius}",
+        force_n * part
+    )
 }
 
 /// Formats a result.
