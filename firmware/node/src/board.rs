@@ -83,15 +83,15 @@ const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 /// bridge's inputs through its outputs to the output of the current amplifier, mean of rising and falling
 /// edges. Samples then stand where the ripple passes through its mean.
 ///
-/// That of the carrier's bridge and amplifier is 1.77 us at 1.8 A and 1.97 us from 6 A on, at 12 V. With
-/// 1.8 us readings are within 15 mA of the mean at 12 V and 40 uH, 38 mA at 20 V
-/// (`hardware/spice/bridge.cir`, samples moved). A delay that is d off shifts them by
-/// d (V - 2 I R)/(2 L), 40 mA for 0.5 us at 6 A. So a bridge without delay needs 0, and reads up to
-/// 0.13 A too much with this value. The control interrupt comes later by as much, and its levels have to
-/// be written before the PWM's next period: more than 1.8 us has no room. The board starts its ADC in
-/// steps of 0.2 us.
-pub const BRIDGE_DELAY_NS: u32 = 1_800;
-const _: () = assert!(BRIDGE_DELAY_NS <= 1_800);
+/// 1.02 us is the longest for which there is room: levels are written 4 us after the second sample's
+/// conversion, and have to be there before the PWM's next period, whatever preempts the control interrupt.
+/// At 1.82 us one level in ten thousand came too late at a USB host. A delay that is d off shifts readings
+/// by d (V - 2 I R)/(2 L). The carrier's bridge and amplifier have 1.77 us at 1.8 A and 1.97 us from 6 A
+/// on, so readings through them are 71 mA too low at 6 A, 12 V and 40 uH, and were 148 mA without a delay
+/// (`sim-host/emulator/tests/integration/current.rs`). A bridge without delay needs 0. The board starts its
+/// ADC in steps of 0.2 us.
+pub const BRIDGE_DELAY_NS: u32 = 1_020;
+const _: () = assert!(BRIDGE_DELAY_NS <= 1_020);
 
 /// Hard limits of the coil's drive. `current_a` is the greatest setpoint of the coil's current, and a
 /// measured current beyond `trip_a` switches the bridge off; the driver's

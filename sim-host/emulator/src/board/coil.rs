@@ -23,9 +23,9 @@ const IDLE_PS: u64 = 1_000_000_000;
 const SUPPLY_RATIO: f64 = 11.0;
 /// Time constant of the supply's divider with its capacitor, s.
 const SUPPLY_TAU_S: f64 = 1e-3;
-/// Lag of the default bridge and its amplifier, s: with half of its dead time 1.83 us, as the carrier's at
-/// 2 A.
-const LAG_S: f64 = 1.78e-6;
+/// Lag of the default bridge and its amplifier, s: 0.43 us of the bridge, which is a guess for an
+/// integrated one, and 0.55 us of the amplifier. With half of the dead time it is 1.03 us.
+const LAG_S: f64 = 0.98e-6;
 /// Factor on the bridge's current limit while the bridge's self-test input is low.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
 /// Gain of the current amplifier, V/A, and its output at zero current, V.

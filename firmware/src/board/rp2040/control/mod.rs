@@ -5,7 +5,7 @@
 //! ADC converts continuously and starts [`BRIDGE_DELAY_NS`] after the PWM: current at the start and in
 //! the middle of every period of the bridge's outputs, and thermistor, supply and processor temperature in
 //! between. DMA writes the eight results into a ring of eight slots, so each has its own slot. A second
-//! PWM slice triggers the interrupt shortly before the mid-period current is available.
+//! PWM slice triggers the interrupt before the mid-period current is available.
 
 #![allow(unsafe_code)]
 
@@ -31,24 +31,28 @@ use timing::{CONTROL_SLICE, CYCLES};
 
 /// Mask of the two PWM slices: the one that triggers the interrupt, and the bridge's.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
-/// Count at which the control slice starts, together with a period of the bridge's slice. It then wraps,
-/// and triggers the interrupt, 9.25 us and the bridge's delay into the period: 8 us to the middle, and
-/// most of the 2 us of the conversion that starts there. What delays the interrupt, such as the stamp of
-/// an edge, then falls into the conversion.
-const CONTROL_BEGINS: u32 = CYCLES - cycles(9_250 + BRIDGE_DELAY_NS);
-/// Count of the control slice from which on the mid-period current is in its slot: 100 ns after the end
-/// of its conversion, for the ADC's synchronisation and for DMA. Later, levels would come late.
-const CONVERTED: u32 = cycles(850);
+/// Time in the bridge's period at which the control slice triggers the interrupt, in nanoseconds. Levels
+/// have to be written before the period's end, and what preempts the interrupt takes up to 4 us at a USB
+/// host: a later trigger brings some levels too late.
+const TRIGGER_NS: u32 = 10_250;
+/// Count at which the control slice starts, together with a period of the bridge's slice.
+const CONTROL_BEGINS: u32 = CYCLES - cycles(TRIGGER_NS);
+/// Time in the bridge's period at which the mid-period current is in its slot, in nanoseconds: 8 us to the
+/// middle, the bridge's delay, 2 us for the conversion, and 100 ns for the ADC's synchronisation and DMA.
+const CONVERTED_NS: u32 = 8_000 + BRIDGE_DELAY_NS + 2_000 + 100;
+/// The same as a count of the control slice. What delays the interrupt, such as the stamp of an edge, falls
+/// into the conversion.
+const CONVERTED: u32 = cycles(CONVERTED_NS.saturating_sub(TRIGGER_NS));
 /// Maximum number of looks at the count, of four cycles or more, until it has got there.
 const LOOKS: u32 = CONVERTED / 4;
 /// Number of loops of 39 cycles in [`start_together`] for the bridge's delay; the rest of it takes nine.
 const LOOPS: u32 = cycles(BRIDGE_DELAY_NS).saturating_sub(9) / 39;
 /// Cycles for which a task masks the interrupt for short work, such as a report, which takes 110.
 /// Includes bus interrupts that may run meanwhile.
-const SHORT: u32 = 400;
+const SHORT: u32 = 200;
 /// Cycles for which a task masks the interrupt for long work, such as a waveform of 48 lines, which
 /// takes 800. Includes bus interrupts that may run meanwhile.
-const LONG: u32 = 1_400;
+const LONG: u32 = 1_200;
 /// Maximum number of attempts of a task to mask the interrupt. An attempt takes twenty cycles, so all of
 /// them take ten periods.
 const TRIES: u32 = 10 * CYCLES / 20;

@@ -50,7 +50,8 @@ Nothing of this has been made yet.
 
 Examples:
   palpate field export closed --current 5 --vtk closed.vtk --csv closed.csv --step 0.5
-  palpate field export closed-sensing --kicad boards --dxf drawings --stl moulds --parts parts.csv"
+  palpate field export closed-sensing --kicad boards --dxf drawings
+  palpate field export closed-sensing --stl moulds --parts parts.csv"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
