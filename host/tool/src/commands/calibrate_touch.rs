@@ -121,7 +121,36 @@ impl DesignFile {
             );
             return Err(fail(1, problem));
         }
+        if let Some(problem) = design.out_of_range() {
+            return Err(fail(1, problem));
+        }
         Ok(design)
+    }
+
+    /// The first number that nothing can be calibrated with.
+    fn out_of_range(&self) -> Option<String> {
+        let [least, greatest] = self.radii_mm;
+        let above_zero = [
+            ("place_tolerance_mm", self.place_tolerance_mm),
+            ("gain_tolerance", self.gain_tolerance),
+            ("noise", self.noise),
+            ("spacing_mm", self.spacing_mm),
+            ("radii_mm", least),
+            (
+                "radii_mm, the greater less the smaller one,",
+                greatest - least,
+            ),
+            ("reach_mm", self.reach_mm),
+            ("layer_mm", self.layer_mm),
+            ("shear_modulus_kpa", self.shear_modulus_kpa),
+            ("place_mm", self.bench.place_mm),
+            ("force", self.bench.force),
+            ("radius", self.bench.radius),
+        ];
+        let wrong = above_zero
+            .into_iter()
+            .find(|(_, value)| !(value.is_finite() && *value > 0.0));
+        wrong.map(|(name, value)| format!("{name} is {value}, which is not above zero"))
     }
 
     fn design(&self) -> Design {
@@ -397,6 +426,21 @@ common_radius = 0.0
                 "2 coils",
             ),
             (DESIGN.replace("noise", "nose"), HEADER.to_owned(), "line 5"),
+            (
+                DESIGN.replace("spacing_mm = 2.0", "spacing_mm = -2.0"),
+                HEADER.to_owned(),
+                "spacing_mm is -2",
+            ),
+            (
+                DESIGN.replace("[1.0, 5.0]", "[5.0, 1.0]"),
+                HEADER.to_owned(),
+                "radii_mm",
+            ),
+            (
+                DESIGN.replace("1e-5", "nan"),
+                HEADER.to_owned(),
+                "noise is NaN",
+            ),
         ] {
             let failure = read(&design, &table).unwrap_err().to_string();
             assert!(failure.contains(said), "{said}: {failure}");

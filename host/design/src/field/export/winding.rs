@@ -336,7 +336,7 @@ impl Layer {
         };
         if coil.turns != 1.0 {
             return Err(refused(
-                "several turns in one ring are wound of wire, which is no board; --parts has their length",
+                "several turns in one ring are wound of wire, which is no board",
             ));
         }
         let radii_m: Vec<f64> = rings
