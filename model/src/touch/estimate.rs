@@ -161,13 +161,10 @@ impl Array {
     ///
     /// `last` is the press of the scan before, if there was one; it saves half of the time.
     pub fn estimate(&self, readings: &[f32], indenter: &Indenter, last: Option<&Press>) -> Verdict {
-        let prior = Prior::new(indenter, self.profile.ln_radii());
-        let (Some(scan), Some(prior)) = (Scan::new(self, readings), prior) else {
-            return Verdict::NotReadable;
+        let (scan, prior) = match self.contact(readings, indenter) {
+            Ok(contact) => contact,
+            Err(verdict) => return verdict,
         };
-        if !self.is_contact(readings) {
-            return Verdict::TooSmall;
-        }
         let fit = Fit {
             array: self,
             scan: &scan,
@@ -193,13 +190,10 @@ impl Array {
     /// scan. A fit that needs more goes on with the next scan, and until then is `NotConverged`.
     pub fn track(&self, readings: &[f32], indenter: &Indenter, track: &mut Track) -> Verdict {
         let earlier = track.0.take();
-        let prior = Prior::new(indenter, self.profile.ln_radii());
-        let (Some(scan), Some(prior)) = (Scan::new(self, readings), prior) else {
-            return Verdict::NotReadable;
+        let (scan, prior) = match self.contact(readings, indenter) {
+            Ok(contact) => contact,
+            Err(verdict) => return verdict,
         };
-        if !self.is_contact(readings) {
-            return Verdict::TooSmall;
-        }
         let fit = Fit {
             array: self,
             scan: &scan,
@@ -230,11 +224,19 @@ impl Array {
         verdict
     }
 
-    /// Whether some reading is clearly above its noise.
-    fn is_contact(&self, readings: &[f32]) -> bool {
+    /// The readings and the prior of a fit; the verdict if they are not readable, or none is clearly above
+    /// its noise.
+    fn contact(&self, readings: &[f32], indenter: &Indenter) -> Result<(Scan, Prior), Verdict> {
+        let scan = Scan::new(self, readings).ok_or(Verdict::NotReadable)?;
+        let ln_radii = self.profile.ln_radii();
+        let prior = Prior::new(indenter, ln_radii).ok_or(Verdict::NotReadable)?;
         let is_contact =
             |(reading, coil): (&f32, &Coil)| *reading > LEAST_SIGNIFICANCE * coil.noise;
-        readings.iter().zip(self.coils()).any(is_contact)
+        if readings.iter().zip(self.coils()).any(is_contact) {
+            Ok((scan, prior))
+        } else {
+            Err(Verdict::TooSmall)
+        }
     }
 }
 
