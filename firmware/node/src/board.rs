@@ -103,7 +103,7 @@ const _: () = assert!(BRIDGE_DELAY_NS <= 1_020);
 /// all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W is the continuous rating of
 /// the paper's coils, 3 A; 60 J in 20 s are 3 W, within it. Resistance and inductance are those of
 /// sensible coils, with a margin.
-pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
+pub const DRIVE_LIMITS: coil_hbridge::Limits = coil_hbridge::Limits {
     current_a: 12.0,
     trip_a: 12.7,
     duty: 0.98,
@@ -115,12 +115,12 @@ pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
     inductance_h: [10e-6, 400e-6],
 };
 
-/// Limits that no setting, command or calibration exceeds: those of the [drive](DRIVE), the coil's
+/// Limits that no setting, command or calibration exceeds: those of the [drive](DRIVE_LIMITS), the coil's
 /// maximum temperature, and the protocol's highest rate.
 pub const LIMITS: Limits = Limits {
-    current: Ampere(DRIVE.current_a),
-    energy_j: DRIVE.energy_j,
-    on_time_s: DRIVE.on_time_s,
+    current: Ampere(DRIVE_LIMITS.current_a),
+    energy_j: DRIVE_LIMITS.energy_j,
+    on_time_s: DRIVE_LIMITS.on_time_s,
     temperature: Celsius(100.0),
     rate: Hertz(5_000.0),
 };

@@ -23,7 +23,7 @@ pub const fn reference_hardware() -> Hardware {
 /// Limits of the reference board.
 #[must_use]
 pub const fn reference_limits() -> Limits {
-    palpate_node::board::DRIVE
+    palpate_node::board::DRIVE_LIMITS
 }
 
 /// Control loop and supervisor.

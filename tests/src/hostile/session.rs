@@ -1,7 +1,7 @@
 //! A board under any input, with checks of its promises.
 
 use ldc161x_sim::Time;
-use palpate_node::board::DRIVE;
+use palpate_node::board::DRIVE_LIMITS;
 use palpate_procedure::Link;
 use palpate_sim::device::Device;
 use palpate_sim::native::{NativeBoard, Wiring};
@@ -17,7 +17,7 @@ use super::sensor::Sensor;
 /// Longest duration of a script; a fuzzer's scripts may be of any length.
 const LONGEST: Time = Time::from_ms(30_000);
 /// Ratio of the drive's trip level to the limit of the regulated current.
-const TRIP: f64 = DRIVE.trip_a as f64 / DRIVE.current_a as f64;
+const TRIP: f64 = DRIVE_LIMITS.trip_a as f64 / DRIVE_LIMITS.current_a as f64;
 /// Largest current without a command, A: the offset of the measurement, and the residue of a test.
 const NONE_A: f64 = 0.2;
 /// Time in which the current decays after the bridge is turned off: ten time constants of 0.4 ms.
@@ -218,7 +218,7 @@ impl<'a> HostileSession<'a> {
         let current_a = truth.current_a.abs();
         let state = self.board.procedure().map(|of| (of.state(), of.is_armed()));
         self.summary.see(state, current_a, &truth);
-        if current_a > f64::from(DRIVE.current_a) * TRIP {
+        if current_a > f64::from(DRIVE_LIMITS.current_a) * TRIP {
             return Err(format!("{current_a} A"));
         }
         let is_driven = current_a > NONE_A;
@@ -228,11 +228,11 @@ impl<'a> HostileSession<'a> {
             return Err(format!("{current_a} A in {state:?}"));
         }
         let driven_s = since(&mut self.driven, is_driven, now).map_or(0.0, Time::as_secs_f64);
-        if driven_s > DRIVE.on_time_s.into() {
+        if driven_s > DRIVE_LIMITS.on_time_s.into() {
             return Err(format!("a current for {driven_s} s"));
         }
-        let allowed_j = f64::from(DRIVE.energy_j)
-            + f64::from(DRIVE.continuous_w) * self.board.now().as_secs_f64();
+        let allowed_j = f64::from(DRIVE_LIMITS.energy_j)
+            + f64::from(DRIVE_LIMITS.continuous_w) * self.board.now().as_secs_f64();
         if truth.heat_in_j > allowed_j {
             return Err(format!("{} J of {allowed_j} J", truth.heat_in_j));
         }

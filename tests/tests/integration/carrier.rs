@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
 
-use palpate_node::board::{DRIVE, HARDWARE};
+use palpate_node::board::{DRIVE_LIMITS, HARDWARE};
 
 /// First cell of a row of docs/firmware.md, and for each of the row's pins the constant of pins.rs (with the
 /// index in an array) and the pin of a part that it reaches on the board.
@@ -290,7 +290,7 @@ fn the_values_of_the_board_are_those_of_the_firmware() {
     );
     let least = (3.3 * 0.98 - 0.25) / (22.0 * sense);
     assert!(
-        least > f64::from(DRIVE.trip_a),
+        least > f64::from(DRIVE_LIMITS.trip_a),
         "the firmware trips first: {least} A"
     );
 }

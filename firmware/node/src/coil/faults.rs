@@ -81,7 +81,7 @@ const fn code(fault: Fault) -> FaultCode {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = crate::board::DRIVE;
+    const LIMITS: Limits = crate::board::DRIVE_LIMITS;
 
     /// The table repeats the entries of docs/faults.md.
     #[test]

@@ -32,7 +32,7 @@ impl CoilCircuit {
     /// ADC of 12 bits for 3.3 V.
     pub const REFERENCE: Self = Self {
         hardware: board::HARDWARE,
-        limits: board::DRIVE,
+        limits: board::DRIVE_LIMITS,
         counts: 4096.0,
         reference_v: 3.3,
         supply_ratio: 11.0,

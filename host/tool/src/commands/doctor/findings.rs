@@ -8,7 +8,7 @@ use palpate_wire::{MINOR_VERSION, SCHEMA_HASH, VERSION};
 use super::examination::{Examination, LISTEN_S, Losses};
 use crate::commands::faults::meaning;
 
-/// Smallest supply of the coil, V: `DRIVE` of the firmware (firmware/node/src/board.rs).
+/// Smallest supply of the coil, V: `DRIVE_LIMITS` of the firmware (firmware/node/src/board.rs).
 const LEAST_SUPPLY_V: f32 = 4.5;
 
 /// All findings, the one to fix first at the front.
