@@ -2,7 +2,8 @@
 //!
 //! The samples of the recording are sent again and again, at whole periods of the system's clock, and with them
 //! what was recorded between them. So a subscriber knows from a stamp which sample it is, and how wrong the
-//! stamp is. Commands are answered as a board answers them. A line `unplug BOARD SECONDS` on standard input
+//! stamp is. After every hundredth follows a touch. Commands are answered as a board answers them, and named on
+//! standard error. A line `unplug BOARD SECONDS` on standard input
 //! closes the port of a board for a time; it comes back as after a start.
 
 use std::io::{self, BufRead, Read, Write};
@@ -14,8 +15,8 @@ use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use palpate::recording::{Entry, Reader};
-use palpate_wire::code::Outcome;
-use palpate_wire::record::{Acknowledgement, Hello};
+use palpate_wire::code::{Outcome, TouchVerdict};
+use palpate_wire::record::{Acknowledgement, Hello, Touch};
 use palpate_wire::{Command, CommandDecoder, Message, Record, Sequencer, encode};
 
 type Failed = Box<dyn std::error::Error + Send + Sync>;
@@ -186,8 +187,34 @@ impl Board {
             }
             let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
             output.send(time_us, record)?;
+            let index = time_us / period_us;
+            if matches!(record, Record::Sample(_)) && index % 100 == 0 {
+                output.send(time_us, &Record::Touch(touch(index % 200 == 0)))?;
+            }
         }
         Ok(())
+    }
+}
+
+/// A press beside the centre, or none; tests/test_node.py knows the numbers.
+fn touch(is_inside: bool) -> Touch {
+    let value = |value| Some(value).filter(|_| is_inside);
+    Touch {
+        verdict: if is_inside {
+            TouchVerdict::Inside
+        } else {
+            TouchVerdict::Clear
+        },
+        x_m: value(1.5e-3),
+        y_m: value(-2.5e-3),
+        x_sigma_m: value(2e-5),
+        y_sigma_m: value(3e-5),
+        correlation: value(0.25),
+        force_n: value(4.0),
+        force_uncertainty: value(0.02),
+        radius_m: value(2e-3),
+        radius_uncertainty: value(0.15),
+        chi_square: value(12.5),
     }
 }
 
@@ -203,6 +230,7 @@ fn answer(mut commands: TcpStream, output: &Mutex<Output>, hello: &Hello, zero_u
             let answer =
                 Acknowledgement::new(&frame.header, frame.message.kind(), Outcome::Accepted);
             let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
+            eprintln!("{}", frame.message.name());
             let time_us = now_us() - zero_us;
             if frame.message == Command::Identify {
                 let _ = output.send(time_us, &Record::Hello(hello.clone()));

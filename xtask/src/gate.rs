@@ -11,7 +11,7 @@ use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
 use crate::{
     book, deps, evidence, firmware, fuzz, hardware, hygiene, package_files, panic_free, python,
-    python_package,
+    python_package, ros,
 };
 
 /// The test suite: every crate with its default features and with those that have their own tests.
@@ -60,6 +60,17 @@ fn python_package() -> Step {
     }
 }
 
+/// The ROS 2 node, which nothing else builds.
+fn ros() -> Step {
+    Step {
+        name: "ros",
+        purpose: "the ROS 2 node builds, and rclpy receives what boards send; only when it is named",
+        needs: vec![Need::Tool(&CARGO_DENY), Need::Target(FIRMWARE_TARGET)],
+        action: Action::Check(ros::check),
+        remedy: "fix what the failed command describes; for a package that is missing, see the cause",
+    }
+}
+
 /// Long tests that `cargo xtask test` leaves out; they are marked `#[ignore]`.
 fn long_tests() -> Step {
     let programs = tests(&["--lib", "--bins", "--tests", "--", "--ignored"]);
@@ -97,6 +108,7 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     }
     steps.push(python_tests());
     steps.push(python_package());
+    steps.push(ros());
     steps.push(hardware_checks());
     select(steps, only)
 }

@@ -23,6 +23,7 @@ mod python;
 mod python_package;
 mod release;
 mod repository;
+mod ros;
 mod setup;
 mod steps;
 

@@ -1,0 +1,217 @@
+"""What the tests share: the node, boards that play a recording, and subscribers of the real rclpy.
+
+`cargo xtask ci --only ros` builds them, and names them in variables: PALPATE and PALPATE_IMAGE, the tool and the
+firmware's image; PALPATE_ROS, the node; PLAYED_BOARDS. It runs these tests in a network of their own.
+"""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+CALIBRATION = Path(__file__).parents[2] / "host/tool/tests/fixture/ultrasoft-11.jsonl"
+# A minute at 1 kHz: a subscriber that is kept waiting by other programs loses nothing.
+RELIABLE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=60_000, reliability=ReliabilityPolicy.RELIABLE
+)
+
+
+def wait_until(condition: Callable[[], object], seconds: float, what: str) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"{what}: not within {seconds} s"
+        time.sleep(0.01)
+
+
+class Program:
+    """A program whose standard error is collected."""
+
+    def __init__(self, *command: str, **environment: str) -> None:
+        self.lines: deque[str] = deque()
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=os.environ | environment,
+            text=True,
+        )
+        threading.Thread(target=self._collect, daemon=True).start()
+
+    def _collect(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.lines.append(line.rstrip())
+
+    def wait_for(self, text: str, seconds: float = 30) -> None:
+        wait_until(lambda: any(text in line for line in list(self.lines)), seconds, f"{text!r}, among {self.lines}")
+
+    def write(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def end(self, how: signal.Signals = signal.SIGTERM) -> int:
+        self.process.send_signal(how)
+        return self.process.wait(timeout=30)
+
+
+class Boards(Program):
+    """Boards that play a recording."""
+
+    def __init__(self, recording: str, count: int, rate_hz: int = 1000) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.first_port = free.getsockname()[1]
+        self.count = count
+        arguments = [recording, str(self.first_port), str(count), str(rate_hz)]
+        super().__init__(os.environ["PLAYED_BOARDS"], *arguments)
+
+    def arguments(self) -> list[str]:
+        """The boards b0, b1, ... for the node."""
+        ports = range(self.first_port, self.first_port + self.count)
+        named = [f"b{index}=tcp:127.0.0.1:{port}" for index, port in enumerate(ports)]
+        return [word for name in named for word in ["--board", name]]
+
+    def unplug(self, board: int, seconds: float) -> None:
+        self.write(f"unplug {board} {seconds}")
+
+
+class Listener:
+    """A node of rclpy that keeps what it receives, with the time of arrival."""
+
+    def __init__(self, name: str = "listener", domain: int = 0) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node(name, context=self.context)
+        self.executor = EventsExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.thread.start()
+
+    def listen(self, kind: type, topic: str, quality: QoSProfile = RELIABLE) -> list:
+        """A list to which each message is added as it comes."""
+        received: list = []
+        self.node.create_subscription(kind, topic, received.append, quality)
+        return received
+
+    def stamps(self, kind: type, topic: str) -> list[tuple[int, int]]:
+        """The same with stamp and arrival alone, both in ns since 1970."""
+        received: list[tuple[int, int]] = []
+        clock = time.time_ns
+
+        def take(message: object) -> None:
+            stamp = message.header.stamp  # type: ignore[attr-defined]
+            received.append((stamp.sec * 1_000_000_000 + stamp.nanosec, clock()))
+
+        self.node.create_subscription(kind, topic, take, RELIABLE)
+        return received
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.thread.join(timeout=5)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def gaps(stamps: list[tuple[int, int]], period_ns: int = 1_000_000) -> list[int]:
+    """Steps from each sample to the next, in periods: 1 where none is lost and the order is kept."""
+    numbers = [round(stamp / period_ns) for stamp, _ in stamps]
+    return [after - before for before, after in zip(numbers, numbers[1:])]
+
+
+def stamp_errors_ns(stamps: list[tuple[int, int]], period_ns: int = 1_000_000) -> list[int]:
+    """Differences of the stamps from the true times, which are whole periods."""
+    return [stamp - round(stamp / period_ns) * period_ns for stamp, _ in stamps]
+
+
+@pytest.fixture(scope="session")
+def tool() -> Callable[..., str]:
+    def run(*arguments: str) -> str:
+        command = [os.environ["PALPATE"], *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def emulated(tool: Callable[..., str], tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Arguments for a calibrated emulated board with a declared tip."""
+    state = tmp_path_factory.mktemp("emulated") / "board.flash"
+    image = ["--image", os.environ["PALPATE_IMAGE"]]
+    board = ["--seed", "11", "--state", str(state), *image]
+    tool("settings", "import", str(CALIBRATION), "--store", "--board", "emulated", *board)
+    return board
+
+
+@pytest.fixture(scope="session")
+def recording(tool: Callable[..., str], emulated: list[str], tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A press of an emulated board, with its result."""
+    if "RECORDING" in os.environ:
+        return os.environ["RECORDING"]
+    file = str(tmp_path_factory.mktemp("recording") / "press.mcap")
+    tool("record", file, "--board", "emulated", *emulated, "--load", "1.5", "--arm", "--for", "14")
+    return file
+
+
+@pytest.fixture
+def boards(recording: str) -> Iterator[Callable[[int], Boards]]:
+    started: list[Boards] = []
+
+    def start(count: int) -> Boards:
+        started.append(Boards(recording, count))
+        return started[-1]
+
+    yield start
+    for board in started:
+        board.process.kill()
+
+
+@pytest.fixture
+def node() -> Iterator[Callable[..., Program]]:
+    started: list[Program] = []
+
+    def start(*arguments: str, **environment: str) -> Program:
+        started.append(Program(os.environ["PALPATE_ROS"], *arguments, **environment))
+        return started[-1]
+
+    yield start
+    for program in started:
+        if program.process.poll() is None:
+            program.process.kill()
+
+
+@pytest.fixture
+def listener() -> Iterator[Callable[..., Listener]]:
+    started: list[Listener] = []
+
+    def start(name: str = "listener", domain: int = 0) -> Listener:
+        started.append(Listener(name, domain))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+def palpate_json(text: str) -> dict:
+    """The last line of `--json` output."""
+    return json.loads(text.strip().splitlines()[-1])
+
+
+if sys.version_info[:2] != (3, 11):
+    sys.exit("the wheels of ROS 2 need Python 3.11")

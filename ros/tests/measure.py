@@ -1,0 +1,63 @@
+"""Latency and losses of the node at full load, beside a bare publisher of the same messages.
+
+`measure.py boards 8 60` or `measure.py bare 8 60`, each in a network of its own, with the variables of conftest.py:
+RECORDING names what the boards play. `--unplug N` unplugs boards in turn while it measures.
+"""
+
+import argparse
+import os
+import resource
+import time
+
+from conftest import Boards, Listener, Program, gaps, stamp_errors_ns, wait_until
+from geometry_msgs.msg import WrenchStamped
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=["boards", "bare"])
+    parser.add_argument("count", type=int)
+    parser.add_argument("seconds", type=int)
+    parser.add_argument("--unplug", type=int, default=0)
+    asked = parser.parse_args()
+    listener = Listener()
+    forces = [listener.stamps(WrenchStamped, f"/palpate/b{index}/force") for index in range(asked.count)]
+    if asked.what == "bare":
+        # Longer than it is measured, for the discovery.
+        number = [str(of) for of in [asked.count, 1000, asked.seconds + 30]]
+        program = Program(os.environ["BARE_PUBLISHER"], *number)
+    else:
+        boards = Boards(os.environ["RECORDING"], asked.count)
+        program = Program(os.environ["PALPATE_ROS"], *boards.arguments())
+    wait_until(lambda: all(forces), 120, "first forces")
+    started = [len(of) for of in forces]
+    for index in range(asked.unplug):
+        boards.unplug(index % asked.count, 0.5)
+        time.sleep(asked.seconds / asked.unplug)
+    if not asked.unplug:
+        time.sleep(asked.seconds)
+    ended = [len(of) for of in forces]
+    load = os.getloadavg()[0]
+    program.end()
+    parts = [of[first:last] for of, first, last in zip(forces, started, ended)]
+    steps = [step for part in parts for step in gaps(part)]
+    latencies = sorted(arrived - stamp for part in parts for stamp, arrived in part)
+    errors = sorted(abs(error) for part in parts for error in stamp_errors_ns(part))
+
+    def ms(values: list[int], share: float) -> str:
+        return f"{values[int(share * (len(values) - 1))] * 1e-6:.3f} ms"
+
+    lost = sum(step - 1 for step in steps if step > 1)
+    jumps = sum(step > 1 for step in steps)
+    print(f"{asked.what}: {len(latencies)} messages of {asked.count} topics in {asked.seconds} s; load {load:.0f}")
+    print(f"lost {lost} in {jumps} gaps, out of order {sum(step < 1 for step in steps)}")
+    print(f"latency: median {ms(latencies, 0.5)}, 99 % {ms(latencies, 0.99)}, longest {ms(latencies, 1)}")
+    if asked.what == "boards":
+        print(f"error of stamps: median {ms(errors, 0.5)}, 99 % {ms(errors, 0.99)}, largest {ms(errors, 1)}")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"processor time of the publisher: {used.ru_utime + used.ru_stime:.1f} s")
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
