@@ -239,3 +239,97 @@ fn firmware(hello: &Hello) -> String {
         hello.firmware_major, hello.firmware_minor, hello.firmware_patch, hello.commit
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_wire::Header;
+    use palpate_wire::code::{FaultCode, Location, TouchVerdict};
+    use palpate_wire::record::Touch;
+
+    use super::*;
+
+    fn frame(sequence: u32, message: Record) -> Frame<Record> {
+        let header = Header {
+            boot_id: 7,
+            sequence,
+            time_us: 0,
+            dropped: 0,
+        };
+        Frame { header, message }
+    }
+
+    /// What a calibrated board sends.
+    fn touch(sequence: u32) -> Frame<Record> {
+        let message = Record::Touch(Touch {
+            verdict: TouchVerdict::Clear,
+            x_m: None,
+            y_m: None,
+            x_sigma_m: None,
+            y_sigma_m: None,
+            correlation: None,
+            force_n: None,
+            force_uncertainty: None,
+            radius_m: None,
+            radius_uncertainty: None,
+            chi_square: None,
+        });
+        frame(sequence, message)
+    }
+
+    fn connected() -> Health {
+        let mut health = Health::new("/dev/ttyACM0");
+        health.connect(None);
+        health
+    }
+
+    #[test]
+    fn missing_records_are_a_warning_once_and_are_counted_over_connections() {
+        let mut health = connected();
+        health.take(&touch(1));
+        assert_eq!(health.report("left").level, DiagnosticStatus::OK);
+        health.take(&touch(5));
+        let report = health.report("left");
+        assert_eq!(report.level, DiagnosticStatus::WARN);
+        assert!(report.message.starts_with("3 records"), "{}", report.message);
+        assert_eq!(health.report("left").level, DiagnosticStatus::OK);
+        health.disconnect("unplugged: plug it in again".to_owned());
+        let report = health.report("left");
+        assert_eq!(report.level, DiagnosticStatus::ERROR);
+        assert_eq!(report.message, "unplugged: plug it in again");
+        let missing = report.values.iter().find(|of| of.key == "records missing");
+        assert_eq!(missing.map(|of| of.value.as_str()), Some("3"));
+        health.connect(None);
+        health.take(&touch(900));
+        assert_eq!(health.report("left").level, DiagnosticStatus::OK);
+    }
+
+    #[test]
+    fn a_fault_is_an_error_until_it_is_cleared() {
+        let fault = |sequence, active| {
+            let message = Record::Fault(Fault {
+                code: FaultCode::CoilTooHot,
+                location: Location::Coil,
+                active,
+                value: None,
+                limit: None,
+            });
+            frame(sequence, message)
+        };
+        let mut health = connected();
+        health.take(&touch(1));
+        health.take(&fault(2, true));
+        let report = health.report("left");
+        assert_eq!(report.level, DiagnosticStatus::ERROR);
+        assert!(report.message.contains("Let it cool"), "{}", report.message);
+        health.take(&fault(3, false));
+        assert_eq!(health.report("left").level, DiagnosticStatus::OK);
+    }
+
+    #[test]
+    fn a_board_without_a_force_says_so() {
+        let report = connected().report("left");
+        assert_eq!(report.level, DiagnosticStatus::WARN);
+        assert!(report.message.contains("not calibrated"), "{}", report.message);
+        assert_eq!(report.hardware_id, "/dev/ttyACM0");
+    }
+}

@@ -188,3 +188,173 @@ fn touched(header: &Header, touch: &TouchRecord) -> Touch {
 fn number(value: Option<f32>) -> f64 {
     value.map_or(f64::NAN, f64::from)
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_wire::code::{Contact, RefusalReason, TipShape};
+    use palpate_wire::command::Tip;
+    use palpate_wire::record::Sample;
+
+    use super::*;
+
+    fn header() -> Header {
+        Header {
+            frame_id: "palpate_left".to_owned(),
+            ..Header::default()
+        }
+    }
+
+    fn sample(force_n: Option<f32>) -> Record {
+        Record::Sample(Sample {
+            sensor: 0,
+            missed: 0,
+            gap: false,
+            channels: Default::default(),
+            contact: Contact::Held,
+            force_n,
+            force_sigma_n: None,
+            current_a: None,
+            ripple_a: None,
+        })
+    }
+
+    fn touch(verdict: TouchVerdict, force_n: Option<f32>) -> Record {
+        Record::Touch(TouchRecord {
+            verdict,
+            x_m: force_n.map(|_| 2e-3),
+            y_m: force_n.map(|_| -1e-3),
+            x_sigma_m: None,
+            y_sigma_m: None,
+            correlation: None,
+            force_n,
+            force_uncertainty: force_n.map(|_| 0.5),
+            radius_m: None,
+            radius_uncertainty: None,
+            chi_square: None,
+        })
+    }
+
+    fn estimate(stiffness_n_per_m: Option<f32>) -> Record {
+        Record::Estimate(Estimate {
+            measurement: 3,
+            stiffness_n_per_m,
+            standard_error_n_per_m: stiffness_n_per_m.map(|of| 0.02 * of),
+            lower_n_per_m: 1900.0,
+            upper_n_per_m: stiffness_n_per_m.map(|of| 1.05 * of),
+            load_ratio: 1.0,
+            load_ratio_standard_error: 0.01,
+            samples: 1000,
+            ramps: 20,
+            reduced_chi_square: None,
+            tangent_n_per_m: None,
+            tangent_standard_error_n_per_m: None,
+            two_state_n_per_m: None,
+            force_n: 1.0,
+            total_displacement_m: 1e-3,
+            temperature_c: None,
+            duration_s: 1.0,
+            load_points: 0,
+        })
+    }
+
+    fn forces(converter: &mut Converter, record: &Record) -> Vec<WrenchStamped> {
+        let outputs = converter.convert(record, &header()).into_iter();
+        let forces = outputs.filter_map(|output| match output {
+            Output::Force(force) => Some(force),
+            _ => None,
+        });
+        forces.collect()
+    }
+
+    fn stiffness(converter: &mut Converter, record: &Record) -> Stiffness {
+        match converter.convert(record, &header()).pop() {
+            Some(Output::Stiffness(message)) => *message,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_press_pushes_along_minus_z_and_an_uncalibrated_board_has_no_force() {
+        let mut converter = Converter::default();
+        let pressed = forces(&mut converter, &sample(Some(1.5)));
+        assert_eq!(pressed[0].force, Vector3 { x: 0.0, y: 0.0, z: -1.5 });
+        assert_eq!(pressed[0].header, header());
+        assert!(forces(&mut converter, &sample(None)).is_empty());
+    }
+
+    /// The torque about the origin is the place times the force; r x F by hand.
+    #[test]
+    fn a_touch_has_a_force_at_its_place_unless_the_samples_have_one() {
+        let mut converter = Converter::default();
+        let pressed = touch(TouchVerdict::Inside, Some(4.0));
+        let found = forces(&mut converter, &pressed);
+        let torque = found[0].torque;
+        assert!((torque.x - 4e-3).abs() < 1e-9 && (torque.y - 8e-3).abs() < 1e-9);
+        let clear = forces(&mut converter, &touch(TouchVerdict::Clear, None));
+        assert_eq!(clear[0].force.z.abs(), 0.0);
+        assert!(forces(&mut converter, &touch(TouchVerdict::BeyondArray, None)).is_empty());
+        forces(&mut converter, &sample(Some(1.0)));
+        assert!(forces(&mut converter, &pressed).is_empty());
+    }
+
+    #[test]
+    fn a_touch_states_standard_errors_in_its_units() {
+        let record = touch(TouchVerdict::Inside, Some(4.0));
+        let Some(Output::Touch(found)) = Converter::default().convert(&record, &header()).pop()
+        else {
+            panic!("no touch");
+        };
+        assert_eq!((found.verdict, found.force_standard_error), (3, 2.0));
+        assert!(found.radius.is_nan());
+    }
+
+    #[test]
+    fn a_stiffness_is_measured_or_a_lower_limit() {
+        let mut converter = Converter::new(true);
+        let measured = stiffness(&mut converter, &estimate(Some(2000.0)));
+        assert_eq!((measured.verdict, measured.measurement), (Stiffness::MEASURED, 3));
+        assert!(measured.simulated && measured.modulus.is_nan());
+        assert_eq!((measured.stiffness, measured.lower), (2000.0, 1900.0));
+        assert!(measured.text.contains("2.00 N/mm"), "{}", measured.text);
+        let rigid = stiffness(&mut converter, &estimate(None));
+        assert_eq!((rigid.verdict, rigid.upper), (Stiffness::AT_LEAST, f64::INFINITY));
+        assert!(rigid.stiffness.is_nan());
+    }
+
+    /// E of a thick object under a flat pin: c (1 - nu^2) / (2 a), by Sneddon.
+    #[test]
+    fn a_declared_tip_gives_a_modulus() {
+        let mut converter = Converter::default();
+        let tip = Tip {
+            shape: TipShape::FlatPin,
+            radius_m: 2e-3,
+            radius_uncertainty: 0.01,
+            thickness_m: 0.0,
+            thickness_uncertainty: 0.0,
+            poisson_ratio: 0.5,
+            poisson_uncertainty: 0.01,
+            support_m_per_n: 0.0,
+            support_uncertainty: 0.0,
+        };
+        converter.convert(&Record::Tip(tip), &header());
+        let found = stiffness(&mut converter, &estimate(Some(2000.0)));
+        let expected = 2000.0 * 0.75 / 4e-3;
+        assert!((found.modulus / expected - 1.0).abs() < 1e-3, "{found:?}");
+        assert!(found.modulus_lower < found.modulus && found.modulus < found.modulus_upper);
+    }
+
+    #[test]
+    fn a_refusal_has_its_reason_and_no_number() {
+        let refusal = Record::Refusal(Refusal {
+            measurement: 4,
+            reason: RefusalReason::Unsteady,
+            value: Some(2e-5),
+            limit: Some(1e-5),
+            wait_s: None,
+        });
+        let found = stiffness(&mut Converter::default(), &refusal);
+        assert_eq!((found.verdict, found.reason.as_str()), (Stiffness::REFUSED, "unsteady"));
+        assert!(found.text.contains("limit 10.0 µm/s"), "{}", found.text);
+        assert!(found.lower.is_nan() && found.upper.is_nan() && found.force.is_nan());
+    }
+}

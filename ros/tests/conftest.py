@@ -150,7 +150,7 @@ def tool() -> Callable[..., str]:
 
 @pytest.fixture(scope="session")
 def emulated(tool: Callable[..., str], tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """Arguments for a calibrated emulated board with a declared tip."""
+    """Arguments for a calibrated emulated board."""
     state = tmp_path_factory.mktemp("emulated") / "board.flash"
     image = ["--image", os.environ["PALPATE_IMAGE"]]
     board = ["--seed", "11", "--state", str(state), *image]
