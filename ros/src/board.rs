@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use palpate::library::{Board, questions};
+use palpate::library::Board;
 use palpate_cli::failure::Failure;
 use palpate_wire::code::Part;
 use palpate_wire::command::GetCalibration;
@@ -179,6 +179,7 @@ impl Reader {
             boot_id: None,
             pending: Vec::new(),
             exchanged: Instant::now(),
+            not_armed: None,
         };
         loop {
             if end::is_asked() {
@@ -190,6 +191,10 @@ impl Reader {
                     return Ok(());
                 }
                 other => other?,
+            }
+            if let Some(why) = connection.not_armed.take() {
+                self.log.warn(&format!("{}: {why}", self.named.name));
+                self.health().not_armed = Some(why);
             }
             self.publish(&mut connection);
         }
@@ -224,6 +229,8 @@ struct Connection {
     /// Time of the last exchange.
     exchanged: Instant,
     pace: Option<Pace>,
+    /// Why the board did not let itself be armed, until it is reported.
+    not_armed: Option<String>,
 }
 
 impl Connection {
@@ -255,26 +262,24 @@ impl Connection {
         for _ in 0..FIRST_EXCHANGES {
             self.exchange()?;
         }
-        let is_needed = |question: &Command| {
-            let part = |part| GetCalibration {
+        for part in [Part::Tip, Part::Springs] {
+            let question = GetCalibration {
                 part,
                 sensor: 0,
                 channel: 0,
             };
-            [Part::Tip, Part::Springs]
-                .map(part)
-                .map(Command::GetCalibration)
-                .contains(question)
-        };
-        for question in questions().iter().filter(|question| is_needed(question)) {
-            match self.ask(question) {
+            match self.ask(&Command::GetCalibration(question)) {
                 // A board without this part.
                 Err(Failure::Refused(_)) => {}
                 other => other?,
             }
         }
         if arm {
-            self.ask(&Command::Arm)?;
+            match self.ask(&Command::Arm) {
+                // It still measures forces.
+                Err(Failure::Refused(why)) => self.not_armed = Some(why),
+                other => other?,
+            }
         }
         Ok(())
     }

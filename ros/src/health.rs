@@ -2,7 +2,7 @@
 
 use palpate_cli::describe::first_sentence;
 use palpate_wire::code::State;
-use palpate_wire::loss::Account;
+use palpate_wire::loss::{Account, Arrival};
 use palpate_wire::record::{Fault, Hello, Status};
 use palpate_wire::{Frame, Record};
 
@@ -19,6 +19,8 @@ pub struct Health {
     pub connections: u32,
     /// Messages that were not sent, because a subscriber acknowledged nothing for long.
     pub unsent: u64,
+    /// Why the board was not armed, with what to do.
+    pub not_armed: Option<String>,
     /// Largest error of the stamps, s.
     pub stamps_within_s: Option<f64>,
     hello: Option<Hello>,
@@ -26,10 +28,11 @@ pub struct Health {
     state: Option<State>,
     is_armed: bool,
     faults: Vec<Fault>,
-    /// Records of this connection, and missing ones of all connections before.
     account: Account,
-    missing_before: u64,
-    is_calibrated: bool,
+    /// Records that are missing since the start of this program.
+    missing: u64,
+    has_force: bool,
+    has_touch: bool,
     force_sigma_n: Option<f32>,
     /// What the last report said.
     reported: Reported,
@@ -66,23 +69,21 @@ impl Health {
             location: std::mem::take(&mut self.location),
             connections: self.connections,
             unsent: self.unsent,
-            missing_before: self.missing(),
+            missing: self.missing,
             hello: self.hello.take(),
             reported: self.reported,
             ..Self::default()
         };
     }
 
-    /// Records that are missing since the start of this program.
-    fn missing(&self) -> u64 {
-        let boots = [self.account.current(), self.account.previous()];
-        let missing = boots.into_iter().flatten().map(|of| of.missing());
-        self.missing_before + missing.sum::<u64>()
-    }
-
     /// Takes a received record.
     pub fn take(&mut self, frame: &Frame<Record>) {
-        self.account.take(&frame.header);
+        match self.account.take(&frame.header) {
+            Arrival::FirstOfBoot => self.has_touch = false,
+            Arrival::AfterGap { missing } => self.missing += u64::from(missing),
+            Arrival::Late => self.missing = self.missing.saturating_sub(1),
+            Arrival::Next | Arrival::Duplicate | Arrival::Stale => {}
+        }
         match &frame.message {
             Record::Hello(hello) => {
                 self.hello = Some(hello.clone());
@@ -100,10 +101,10 @@ impl Health {
                 }
             }
             Record::Sample(sample) if sample.sensor == 0 => {
-                self.is_calibrated = sample.force_n.is_some();
+                self.has_force = sample.force_n.is_some();
                 self.force_sigma_n = sample.force_sigma_n;
             }
-            Record::Touch(_) => self.is_calibrated = true,
+            Record::Touch(_) => self.has_touch = true,
             _ => {}
         }
     }
@@ -119,7 +120,7 @@ impl Health {
             return (DiagnosticStatus::ERROR, text);
         }
         let before = self.reported;
-        let missing = now.missing - before.missing;
+        let missing = now.missing.saturating_sub(before.missing);
         let lost = now.conversions_lost.wrapping_sub(before.conversions_lost);
         let unsent = now.unsent - before.unsent;
         let warning = if missing > 0 {
@@ -132,7 +133,9 @@ impl Health {
             format!(
                 "{unsent} messages were not sent: a subscriber acknowledges nothing; end it, or use --best-effort"
             )
-        } else if !self.is_calibrated {
+        } else if let Some(why) = &self.not_armed {
+            why.clone()
+        } else if !self.has_force && !self.has_touch {
             "no force: the board is not calibrated, or sends no samples; `palpate doctor` says which".to_owned()
         } else {
             return (DiagnosticStatus::OK, self.activity());
@@ -152,7 +155,7 @@ impl Health {
     pub fn report(&mut self, name: &str) -> DiagnosticStatus {
         let status = self.status.as_ref();
         let now = Reported {
-            missing: self.missing(),
+            missing: self.missing,
             conversions_lost: status.map_or(0, |of| {
                 of.conversions_lost.wrapping_add(of.second_conversions_lost)
             }),
@@ -290,7 +293,11 @@ mod tests {
         health.take(&touch(5));
         let report = health.report("left");
         assert_eq!(report.level, DiagnosticStatus::WARN);
-        assert!(report.message.starts_with("3 records"), "{}", report.message);
+        assert!(
+            report.message.starts_with("3 records"),
+            "{}",
+            report.message
+        );
         assert_eq!(health.report("left").level, DiagnosticStatus::OK);
         health.disconnect("unplugged: plug it in again".to_owned());
         let report = health.report("left");
@@ -329,7 +336,11 @@ mod tests {
     fn a_board_without_a_force_says_so() {
         let report = connected().report("left");
         assert_eq!(report.level, DiagnosticStatus::WARN);
-        assert!(report.message.contains("not calibrated"), "{}", report.message);
+        assert!(
+            report.message.contains("not calibrated"),
+            "{}",
+            report.message
+        );
         assert_eq!(report.hardware_id, "/dev/ttyACM0");
     }
 }

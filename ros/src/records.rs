@@ -277,7 +277,14 @@ mod tests {
     fn a_press_pushes_along_minus_z_and_an_uncalibrated_board_has_no_force() {
         let mut converter = Converter::default();
         let pressed = forces(&mut converter, &sample(Some(1.5)));
-        assert_eq!(pressed[0].force, Vector3 { x: 0.0, y: 0.0, z: -1.5 });
+        assert_eq!(
+            pressed[0].force,
+            Vector3 {
+                x: 0.0,
+                y: 0.0,
+                z: -1.5
+            }
+        );
         assert_eq!(pressed[0].header, header());
         assert!(forces(&mut converter, &sample(None)).is_empty());
     }
@@ -312,12 +319,18 @@ mod tests {
     fn a_stiffness_is_measured_or_a_lower_limit() {
         let mut converter = Converter::new(true);
         let measured = stiffness(&mut converter, &estimate(Some(2000.0)));
-        assert_eq!((measured.verdict, measured.measurement), (Stiffness::MEASURED, 3));
+        assert_eq!(
+            (measured.verdict, measured.measurement),
+            (Stiffness::MEASURED, 3)
+        );
         assert!(measured.simulated && measured.modulus.is_nan());
         assert_eq!((measured.stiffness, measured.lower), (2000.0, 1900.0));
         assert!(measured.text.contains("2.00 N/mm"), "{}", measured.text);
         let rigid = stiffness(&mut converter, &estimate(None));
-        assert_eq!((rigid.verdict, rigid.upper), (Stiffness::AT_LEAST, f64::INFINITY));
+        assert_eq!(
+            (rigid.verdict, rigid.upper),
+            (Stiffness::AT_LEAST, f64::INFINITY)
+        );
         assert!(rigid.stiffness.is_nan());
     }
 
@@ -353,7 +366,10 @@ mod tests {
             wait_s: None,
         });
         let found = stiffness(&mut Converter::default(), &refusal);
-        assert_eq!((found.verdict, found.reason.as_str()), (Stiffness::REFUSED, "unsteady"));
+        assert_eq!(
+            (found.verdict, found.reason.as_str()),
+            (Stiffness::REFUSED, "unsteady")
+        );
         assert!(found.text.contains("limit 10.0 µm/s"), "{}", found.text);
         assert!(found.lower.is_nan() && found.upper.is_nan() && found.force.is_nan());
     }

@@ -7,8 +7,9 @@ use palpate_cli::failure::Failure;
 use palpate_cli::finding::Finding;
 use palpate_cli::notice;
 use ros2_client::log::LogLevel;
-use ros2_client::rosout::NodeLoggingHandle;
-use ros2_client::{Context, MessageTypeName, Node, NodeName, NodeOptions, Publisher, rosout};
+use ros2_client::{
+    Context, MessageTypeName, Node, NodeLoggingHandle, NodeName, NodeOptions, Publisher, rosout,
+};
 use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
 use rustdds::{DomainParticipantBuilder, Duration, QosPolicies, QosPolicyBuilder, TopicKind};
 

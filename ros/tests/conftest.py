@@ -126,15 +126,27 @@ class Listener:
         rclpy.shutdown(context=self.context)
 
 
-def gaps(stamps: list[tuple[int, int]], period_ns: int = 1_000_000) -> list[int]:
+PERIOD_NS = 1_000_000
+
+
+def gaps(stamps: list[tuple[int, int]]) -> list[int]:
     """Steps from each sample to the next, in periods: 1 where none is lost and the order is kept."""
-    numbers = [round(stamp / period_ns) for stamp, _ in stamps]
-    return [after - before for before, after in zip(numbers, numbers[1:])]
+    return [round((after - before) / PERIOD_NS) for (before, _), (after, _) in zip(stamps, stamps[1:])]
 
 
-def stamp_errors_ns(stamps: list[tuple[int, int]], period_ns: int = 1_000_000) -> list[int]:
-    """Differences of the stamps from the true times, which are whole periods."""
-    return [stamp - round(stamp / period_ns) * period_ns for stamp, _ in stamps]
+def true_times_ns(stamps: list[tuple[int, int]]) -> list[int]:
+    """When the samples were due: at whole periods. The last stamp is wrong by less than half a period."""
+    number = round(stamps[-1][0] / PERIOD_NS)
+    numbers = [number]
+    for step in reversed(gaps(stamps)):
+        number -= step
+        numbers.append(number)
+    return [number * PERIOD_NS for number in reversed(numbers)]
+
+
+def stamp_errors_ns(stamps: list[tuple[int, int]]) -> list[int]:
+    """Differences of the stamps from the true times."""
+    return [stamp - true for (stamp, _), true in zip(stamps, true_times_ns(stamps))]
 
 
 @pytest.fixture(scope="session")

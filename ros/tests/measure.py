@@ -9,7 +9,7 @@ import os
 import resource
 import time
 
-from conftest import Boards, Listener, Program, gaps, stamp_errors_ns, wait_until
+from conftest import Boards, Listener, Program, gaps, stamp_errors_ns, true_times_ns, wait_until
 from geometry_msgs.msg import WrenchStamped
 
 
@@ -41,7 +41,9 @@ def main() -> None:
     program.end()
     parts = [of[first:last] for of, first, last in zip(forces, started, ended)]
     steps = [step for part in parts for step in gaps(part)]
-    latencies = sorted(arrived - stamp for part in parts for stamp, arrived in part)
+    latencies = sorted(
+        arrived - true for part in parts for (_, arrived), true in zip(part, true_times_ns(part))
+    )
     errors = sorted(abs(error) for part in parts for error in stamp_errors_ns(part))
 
     def ms(values: list[int], share: float) -> str:
