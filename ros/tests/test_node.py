@@ -48,7 +48,7 @@ def test_forces_of_two_boards_are_complete_in_order_and_stamped(boards: Play, no
     values = {value.key: value.value for value in status.values}  # type: ignore[attr-defined]
     assert values["records missing"] == values["messages not sent"] == "0"
     largest_ms = 1e-6 * max(abs(error) for error in stamp_errors_ns(forces[0][-1000:]))
-    assert largest_ms <= float(values["stamps within (ms)"]) + 0.6, "which drifts by 0.6 ms between two exchanges"
+    assert largest_ms <= float(values["stamps within (ms)"]) + 0.12, "which grows by that between two exchanges"
     assert whole[0].header.frame_id == "palpate_b1"
     assert min(of.wrench.force.z for of in whole) < -0.5, "a press pushes along -z"
     assert {of.wrench.force.x for of in whole} == {0.0}
