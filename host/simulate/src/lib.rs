@@ -9,4 +9,5 @@ pub mod press;
 mod report;
 pub mod results;
 pub mod scenario;
+pub mod shard;
 pub mod verdict;

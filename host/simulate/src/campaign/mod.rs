@@ -4,6 +4,7 @@ pub mod counted;
 pub mod coverage;
 pub mod press;
 mod rows;
+mod shards;
 pub mod world;
 
 use std::cmp::Reverse;
@@ -46,6 +47,10 @@ FILE.parquet in FILE.parquet.csv. An interrupted run leaves them there.
 Intervals of 95 % pass at a load when the lower bound of their coverage is at least 92 %, and fail when its upper \
 bound is below 95 % (exact 95 % bounds, sensors are the units: those of 12 sensors decide nothing). The errors \
 over their own standard errors should have a root mean square of 0.85 to 1.15.
+
+On many computers: the same command with --seed and --plants for some of the sensors and --shard FILE, as often as \
+there are such parts, and at last with --seed and --plants for all sensors and --merge FILE... It prints what one \
+run of all sensors prints. A shard gets its name when it is complete; a call whose shard is complete ends at once.
 
 Exit code 1 when intervals fail at a load of the calibrated world, and when there is no estimate at all.
 
@@ -95,6 +100,12 @@ pub struct Arguments {
     /// Write every press to this file, as CSV, or as Parquet if its name ends in .parquet
     #[arg(long, value_name = "FILE")]
     rows: Option<PathBuf>,
+    /// Write the results of these sensors to this file, for --merge, unless it has them already
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["merge", "rows", "json"])]
+    shard: Option<PathBuf>,
+    /// Take the results from these files of --shard, which have each sensor of the campaign once
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    merge: Vec<PathBuf>,
 }
 
 impl Arguments {
@@ -114,6 +125,11 @@ impl Arguments {
         } else {
             CalibratedInstrument::on_bench(task, plant, all)
         }
+    }
+
+    /// Seed of a sensor.
+    const fn seed_of(&self, index: usize) -> u64 {
+        self.seed.saturating_add(index as u64)
     }
 
     fn worlds(&self) -> Vec<World> {
@@ -139,6 +155,9 @@ fn load(text: &str) -> Result<f64, String> {
 /// Refusals and failures, with a remedy, and a coverage that is too low.
 pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
+    if let Some(file) = &arguments.shard {
+        return shards::write(arguments, &stack, file);
+    }
     let plants = presses(arguments, &stack, parquet)?;
     let all: Vec<&Press> = plants.iter().flatten().flatten().collect();
     let results: Vec<WorldResult> = arguments
@@ -168,39 +187,59 @@ pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), F
     Ok(())
 }
 
-/// Calibrates every sensor and presses with it.
+/// Calibrates every sensor and presses with it, or takes the presses from shards.
 fn presses(
     arguments: &Arguments,
     stack: &Stack,
     parquet: Option<WriteParquet>,
 ) -> Result<Vec<PlantResult>, Failure> {
-    let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+    let merged = shards::merged(arguments, stack)?;
     let rows = arguments.rows.as_deref();
     let mut rows = rows
         .map(|path| Rows::create(path, Path::new(&arguments.stack), parquet))
         .transpose()?;
-    let progress = Progress::new(arguments.plants as usize);
-    let seed_of = |index: usize| arguments.seed.saturating_add(index as u64);
-    let plant = |index| -> PlantResult {
-        let presses = of_sensor(arguments, stack, &disturbances, seed_of(index));
-        presses.map_err(|failure| failure.to_string())
-    };
     let mut plants: Vec<PlantResult> = Vec::new();
-    in_order(arguments.plants as usize, plant, |index, plant| {
-        let seed = seed_of(index);
+    let mut receive = |seed, plant| {
         if let Some(rows) = &mut rows {
             rows.write(seed, &plant)?;
         }
         plants.push(plant);
-        progress.step();
         if arguments.json {
             return Ok(());
         }
         say(seed, &plants)
-    })?;
-    progress.finish();
+    };
+    match merged {
+        None => simulate(arguments, stack, &mut receive)?,
+        Some(merged) => {
+            for (index, plant) in merged.into_iter().enumerate() {
+                receive(arguments.seed_of(index), plant)?;
+            }
+        }
+    }
     rows.map_or(Ok(()), Rows::finish)?;
     Ok(plants)
+}
+
+/// Calibrates every sensor and presses with it. Passes on each seed with its result, in order.
+fn simulate(
+    arguments: &Arguments,
+    stack: &Stack,
+    mut receive: impl FnMut(u64, PlantResult) -> Result<(), Failure> + Send,
+) -> Result<(), Failure> {
+    let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+    let progress = Progress::new(arguments.plants as usize);
+    let plant = |index| -> PlantResult {
+        let presses = of_sensor(arguments, stack, &disturbances, arguments.seed_of(index));
+        presses.map_err(|failure| failure.to_string())
+    };
+    in_order(arguments.plants as usize, plant, |index, plant| {
+        receive(arguments.seed_of(index), plant)?;
+        progress.step();
+        Ok(())
+    })?;
+    progress.finish();
+    Ok(())
 }
 
 fn of_sensor(

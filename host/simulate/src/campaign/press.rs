@@ -8,48 +8,60 @@ use palpate_sim::mechanics::load::Load;
 use palpate_sim::random::Stream;
 use palpate_wire::Command;
 use palpate_wire::record::Estimate;
+use serde::{Deserialize, Serialize};
 
 use super::world::World;
 use crate::bench::NativeBench;
 use crate::engine::{self, Native};
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, coil};
 use crate::press;
+use crate::shard::number;
 use crate::verdict::Verdict;
 
 /// All presses of one sensor, or the reason why it could not be calibrated.
 pub(super) type PlantResult = Result<Vec<Press>, String>;
 
 /// A press and its outcome.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Press {
     /// The world in which it was pressed.
     pub world: World,
     /// c_L/c_S; infinite for a block.
+    #[serde(with = "number")]
     pub ratio: f64,
     /// Stiffness of the load in series with its support over c_S; infinite for a rigid load.
+    #[serde(with = "number")]
     pub true_ratio: f64,
     /// Stiffness of the load in series with its support, N/m.
+    #[serde(with = "number")]
     pub true_n_per_m: f64,
     /// The instrument's claim, or its reason for a refusal.
     pub outcome: Result<Claim, String>,
 }
 
 /// The instrument's claim about a load.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Claim {
     /// The estimate, N/m; `None` where there is only a lower bound.
+    #[serde(with = "number::optional")]
     pub estimate_n_per_m: Option<f64>,
     /// Lower end of the 95 % interval, N/m.
+    #[serde(with = "number")]
     pub lower_n_per_m: f64,
     /// Upper end of the interval, N/m; `None` where it has none.
+    #[serde(with = "number::optional")]
     pub upper_n_per_m: Option<f64>,
     /// Load as c_S/c_L.
+    #[serde(with = "number")]
     pub load_ratio: f64,
     /// Standard error of `load_ratio`.
+    #[serde(with = "number")]
     pub load_ratio_standard_error: f64,
     /// Chi-square of the fit over its degrees of freedom.
+    #[serde(with = "number::optional")]
     pub reduced_chi_square: Option<f64>,
     /// Estimate by the two-state formula, N/m.
+    #[serde(with = "number::optional")]
     pub two_state_n_per_m: Option<f64>,
 }
 

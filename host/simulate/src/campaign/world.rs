@@ -9,12 +9,13 @@ use palpate_sim::mechanics::press::{Jumps, Shake};
 use palpate_sim::parameters::{ObjectParameters, Parameters};
 use palpate_sim::random::Stream;
 use palpate_sim::world::Holder;
+use serde::{Deserialize, Serialize};
 
 use crate::press::CLEARANCE_M;
 
 /// World in which a calibrated sensor presses. Every world except the first differs from the bench by something that
 /// the instrument's model does not know.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum World {
     /// As on the bench, at another temperature within the drawn 5 K
     Calibrated,
