@@ -1,12 +1,18 @@
 //! `palpate field sweep`: figures over a grid of parameters.
 
-use std::path::PathBuf;
+use std::ops::{Range, RangeInclusive};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::notice::say;
 use palpate_cli::progress::Progress;
+use palpate_field::design::Design;
+use palpate_simulate::shard::Run;
+use palpate_wire::crc32;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 
 use super::drive::Drive;
 use super::input::{DesignSource, current, parse, say_files, text_of};
@@ -22,7 +28,12 @@ Example: the gap and the radius of the body, 20 designs on all cores
 
 A point that is no design (parts that overlap, say) keeps its row, with the reason. \
 Rows are written as they are computed: an interrupted sweep has the rows of its first points. With \
---out the same command goes on after the rows that the file has. \
+--out the same command goes on after the rows that the file has.
+
+On many computers: the same command with --points FROM..TO --shard FILE, as often as there are parts, and at last \
+without --points and with --merge FILE... It gives the rows of one run. A shard gets its name when it is complete; a \
+call whose shard is complete ends at once.
+
 Exit code 1 when every point is refused.")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -36,6 +47,15 @@ pub(super) struct Arguments {
     /// Write there instead of to standard output; what the file has of the same sweep is kept
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write the rows to this file, for --merge, unless it has them already
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["merge", "out"])]
+    shard: Option<PathBuf>,
+    /// Of the rows only these, counted from 1
+    #[arg(long, value_name = "FROM..TO", requires = "shard", value_parser = points)]
+    points: Option<RangeInclusive<u64>>,
+    /// Take the rows from these files of --shard, which have each point of the sweep once
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    merge: Vec<PathBuf>,
 }
 
 /// One varied number.
@@ -75,6 +95,14 @@ fn axis(text: &str) -> Result<Axis, String> {
         }),
         _ => Err(format!("{count:?} is not a count; allowed: 1 to {MOST}")),
     }
+}
+
+fn points(text: &str) -> Result<RangeInclusive<u64>, String> {
+    let parsed = text
+        .split_once("..")
+        .and_then(|(from, to)| Some(from.trim().parse().ok()?..=to.trim().parse().ok()?));
+    let points = parsed.filter(|points| *points.start() > 0 && !points.is_empty());
+    points.ok_or_else(|| format!("allowed: FROM..TO, of 1 to {MOST}"))
 }
 
 impl Axis {
@@ -117,26 +145,40 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .collect();
     let heads: Vec<String> = heads.into_iter().chain(columns(drive)).collect();
     let varied = |point: usize| varied(&arguments.vary, &settings(point));
+    let solve = |point: usize| {
+        let outcome = parse(&name, &text, &settings(point)).and_then(|design| {
+            let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
+            Ok((design.resistance_ohm(), solved))
+        });
+        Point {
+            is_beyond: matches!(&outcome, Ok((_, solved)) if !solved.beyond_tables.is_empty()),
+            row: row(varied(point), heads.len(), &outcome),
+        }
+    };
+    let all = 1..=total as u64;
+    let run = || run_of(arguments, &text, &design);
+    if let Some(file) = &arguments.shard {
+        let points = arguments.points.clone().unwrap_or(all);
+        return write_shard(&run()?, file, &points, total, solve);
+    }
+    let merged: Option<Vec<Point>> = match &arguments.merge[..] {
+        [] => None,
+        files => Some(run()?.merged(files, &all)?),
+    };
     let mut rows = match &arguments.out {
         None => RowFile::standard_output(&heads)?,
         Some(path) => RowFile::resumed(path, &heads, varied)?,
     };
     let done = rows.count.min(total);
-    let progress = Progress::new(total - done);
-    let outcome = |index| {
-        let design = parse(&name, &text, &settings(done + index))?;
-        let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
-        Ok((design.resistance_ohm(), solved))
-    };
     let mut beyond = 0;
-    in_order(total - done, outcome, |index, outcome| {
-        beyond +=
-            usize::from(matches!(&outcome, Ok((_, solved)) if !solved.beyond_tables.is_empty()));
-        rows.write(&row(varied(done + index), heads.len(), &outcome))?;
-        progress.step();
-        Ok(())
-    })?;
-    progress.finish();
+    let mut receive = |point: Point| {
+        beyond += usize::from(point.is_beyond);
+        rows.write(&point.row)
+    };
+    match merged {
+        None => in_progress(done..total, solve, receive)?,
+        Some(points) => points.into_iter().skip(done).try_for_each(&mut receive)?,
+    }
     if beyond > 0 {
         say(format!(
             "{beyond} rows have a field beyond the table of a material, where B rises as in vacuum: see one with `palpate field solve`"
@@ -148,6 +190,84 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ));
     }
     Ok(())
+}
+
+/// A solved or refused point.
+#[derive(Serialize, Deserialize)]
+struct Point {
+    row: Vec<String>,
+    /// Whether its field is beyond the table of a material.
+    is_beyond: bool,
+}
+
+/// Solves points on all cores and passes them on in order.
+fn in_progress(
+    points: Range<usize>,
+    solve: impl Fn(usize) -> Point + Sync,
+    mut receive: impl FnMut(Point) -> Result<(), Failure> + Send,
+) -> Result<(), Failure> {
+    let progress = Progress::new(points.len());
+    let solve = |index| solve(points.start + index);
+    in_order(points.len(), solve, |_, point| {
+        receive(point)?;
+        progress.step();
+        Ok(())
+    })?;
+    progress.finish();
+    Ok(())
+}
+
+/// Solves points, counted from 1, and writes their shard, unless it is complete.
+fn write_shard(
+    run: &Run,
+    file: &Path,
+    points: &RangeInclusive<u64>,
+    total: usize,
+    solve: impl Fn(usize) -> Point + Sync,
+) -> Result<(), Failure> {
+    if *points.end() > total as u64 {
+        return Err(Failure::Argument(format!(
+            "--points {}..{}: the sweep has {total} points",
+            points.start(),
+            points.end()
+        )));
+    }
+    let Some(shard) = run.shard(file, points)? else {
+        say(format!("{}: is complete", file.display()));
+        return Ok(());
+    };
+    let mut solved = Vec::new();
+    let points = *points.start() as usize - 1..*points.end() as usize;
+    in_progress(points, solve, |point| {
+        solved.push(point);
+        Ok(())
+    })?;
+    shard.write(&solved)
+}
+
+/// The sweep as a run that can be split: all that its rows depend on, apart from the program.
+fn run_of(arguments: &Arguments, text: &str, design: &Design) -> Result<Run, Failure> {
+    // The text has the parameters; the design has the contents of the files that it names.
+    let design_read = crc32(format!("{text}{design:?}").as_bytes());
+    let effort = &arguments.source.effort;
+    let accuracy = effort.accuracy();
+    let axis = |axis: &Axis| json!([axis.path, axis.from, axis.to, axis.count]);
+    let settings: [(&str, Value); 7] = [
+        ("design", json!(design.name)),
+        (
+            "checksum of the design",
+            json!(format!("{design_read:08x}")),
+        ),
+        ("--vary", arguments.vary.iter().map(axis).collect()),
+        ("--set", json!(effort.settings)),
+        ("--accuracy", json!(accuracy.relative)),
+        ("--order", json!(accuracy.order)),
+        ("--current", json!(arguments.current)),
+    ];
+    let settings = settings.map(|(name, value)| (name.to_owned(), value));
+    Run::new("field sweep", "point", Map::from_iter(settings), |points| {
+        format!("--points {}..{}", points.start(), points.end())
+    })
 }
 
 /// Column heads: figures, other results, the estimated error of each figure, and at a current its
@@ -198,4 +318,60 @@ fn row(
         }
     }
     row
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use clap::Parser;
+    use palpate_cli::failure::Failure;
+
+    use super::{Arguments, run};
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// A sweep of five points, of which the first is no design; `file` takes its rows.
+    fn sweep(file: &Path, options: &[&str]) -> Result<(), Failure> {
+        let sweep = "sweep B1 --accuracy 1e-2 --vary parameters.gap=0..8:5";
+        let words: Vec<&str> = sweep.split(' ').chain(options.iter().copied()).collect();
+        run(&Cli::parse_from([&words[..], &[file.to_str().unwrap()]].concat()).arguments)
+    }
+
+    #[test]
+    fn merged_shards_are_the_rows_of_one_sweep() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, merged, first, rest] =
+            ["one.csv", "merged.csv", "first", "rest"].map(|name| folder.path().join(name));
+        sweep(&one, &["--out"]).unwrap();
+        sweep(&rest, &["--points", "2..5", "--shard"]).unwrap();
+        let merge = ["--merge", rest.to_str().unwrap(), first.to_str().unwrap()];
+        let without = sweep(&merged, &[&merge[..2], &["--out"]].concat()).unwrap_err();
+        let missing = "no file has the point 1. Run the same command with --points 1..1 --shard";
+        assert!(without.to_string().contains(missing), "{without}");
+        sweep(&first, &["--points", "1..1", "--shard"]).unwrap();
+        sweep(&merged, &[&merge[..], &["--out"]].concat()).unwrap();
+        assert_eq!(fs::read(&merged).unwrap(), fs::read(&one).unwrap());
+
+        let written = fs::metadata(&rest).unwrap().modified().unwrap();
+        sweep(&rest, &["--points", "2..5", "--shard"]).unwrap();
+        let again = fs::metadata(&rest).unwrap().modified().unwrap();
+        assert_eq!(again, written, "a complete shard is not computed again");
+        let of_another = [
+            "--set",
+            "parameters.width=1.5",
+            "--points",
+            "2..5",
+            "--shard",
+        ];
+        let other = sweep(&rest, &of_another).unwrap_err().to_string();
+        assert!(other.contains("its --set is [], and here it is"), "{other}");
+        let beyond = sweep(&first, &["--points", "4..6", "--shard"]).unwrap_err();
+        assert!(beyond.to_string().contains("has 5 points"), "{beyond}");
+    }
 }

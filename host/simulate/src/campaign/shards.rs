@@ -67,10 +67,7 @@ fn settings(arguments: &Arguments, stack: &Stack) -> Map<String, Value> {
         ("--contact-within, m", json!(contact.within_m)),
         ("--contact-tilt, rad", json!(contact.tilt_rad)),
     ];
-    settings
-        .map(|(name, value)| (name.to_owned(), value))
-        .into_iter()
-        .collect()
+    Map::from_iter(settings.map(|(name, value)| (name.to_owned(), value)))
 }
 
 /// Checksum of a stack's values. `Debug` writes each number so that it can be read back exactly.
