@@ -364,7 +364,7 @@ mod tests {
         assert_eq!(again, written, "a complete shard is not computed again");
         let of_another = [
             "--set",
-            "parameters.width=1.5",
+            "body.mse.shape.semi_r=12",
             "--points",
             "2..5",
             "--shard",
