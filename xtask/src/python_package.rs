@@ -43,7 +43,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let wheel = text(&wheel)?;
     let install = "pip install --quiet --no-deps --no-index --force-reinstall";
     workspace.run(&module(install, &[&wheel]))?;
-    let typed = "python/package/palpate python/tests python/benches";
+    let typed = "python/package/palpate python/tests python/benches python/examples";
     let options = "--config-file python/pyproject.toml --cache-dir target/python-package/types";
     let types = format!("mypy {options} {typed}");
     workspace.run(&module(&types, &[]))?;
