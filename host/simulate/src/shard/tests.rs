@@ -249,18 +249,18 @@ fn a_second_process_waits_for_the_first_and_then_has_nothing_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("shard.jsonl");
     let first = run(1.0).shard(&file, &(1..=2)).unwrap().unwrap();
-    let (said, heard) = mpsc::channel();
+    let (sender, received) = mpsc::channel();
     let second = {
         let file = file.clone();
         thread::spawn(move || {
             let shard = run(1.0).shard(&file, &(1..=2)).unwrap();
-            said.send(shard.is_none()).unwrap();
+            sender.send(shard.is_none()).unwrap();
         })
     };
     // It does not begin while the first computes.
-    assert!(heard.recv_timeout(Duration::from_millis(200)).is_err());
+    assert!(received.recv_timeout(Duration::from_millis(200)).is_err());
     first.write(&[result(1), result(2)]).unwrap();
-    assert!(heard.recv_timeout(Duration::from_secs(10)).unwrap());
+    assert!(received.recv_timeout(Duration::from_secs(10)).unwrap());
     second.join().unwrap();
     // A process that ended without its shard leaves the lock's file, and no lock.
     fs::remove_file(&file).unwrap();
