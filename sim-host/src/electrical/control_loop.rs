@@ -86,6 +86,10 @@ pub const HISTORY: usize = 512;
 /// Number of currents in a trace record.
 pub const TRACED: usize = 128;
 
+/// Edges of one period, each with its time as a fraction of the period and both levels after it;
+/// unused places have an infinite time.
+type Edges = [(f64, [bool; 2]); 5];
+
 /// Circuit, current measurement, and the drive that the control interrupt calls.
 pub struct ControlLoop {
     /// The circuit.
@@ -167,13 +171,14 @@ impl ControlLoop {
         let period_s = f64::from(self.hardware.period_s);
         let before = self.circuit.totals();
         let output = self.output;
+        let edges = self.edges();
         let sampled = (SAMPLED_S + self.slow.sample_delay_s) / period_s;
-        self.bridge(0.0, sampled, period_s);
+        self.bridge(&edges, 0.0, sampled, period_s);
         let first = self.sample();
-        self.bridge(sampled, 0.5 + sampled, period_s);
+        self.bridge(&edges, sampled, 0.5 + sampled, period_s);
         let second = self.sample();
         let decided = 0.5 + (INTERRUPT_S + self.slow.sample_delay_s) / period_s;
-        self.bridge(0.5 + sampled, decided, period_s);
+        self.bridge(&edges, 0.5 + sampled, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
         // A bridge may report an undervoltage until its charge pump works.
         let wakes = self.circuit.is_waking();
@@ -183,10 +188,12 @@ impl ControlLoop {
             next = Output::OFF;
         }
         self.trace.push(self.drive.measured());
-        if !next.awake {
+        if next.awake {
+            self.bridge(&edges, decided, 1.0, period_s);
+        } else {
             self.output = next;
+            self.bridge(&self.edges(), decided, 1.0, period_s);
         }
-        self.bridge(decided, 1.0, period_s);
         self.output = next;
         self.periods = self.periods.wrapping_add(1);
         let after = self.circuit.totals();
@@ -203,21 +210,29 @@ impl ControlLoop {
         }
     }
 
+    /// Edges of the present output.
+    fn edges(&self) -> Edges {
+        let levels = self.output.levels;
+        let mut all = [(f64::INFINITY, [false; 2]); 5];
+        let found = edges([levels.in1, levels.in2], self.hardware.full_level);
+        for (place, edge) in all.iter_mut().zip(found) {
+            *place = edge;
+        }
+        all
+    }
+
     /// Advances the circuit from `from` to `to`, both as a fraction of the period, 0 to 1.
-    fn bridge(&mut self, from: f64, to: f64, period_s: f64) {
+    fn bridge(&mut self, edges: &Edges, from: f64, to: f64, period_s: f64) {
         let Output {
-            awake,
-            levels,
-            limit_low,
+            awake, limit_low, ..
         } = self.output;
         let limit_a = self.circuit.parameters.limit_a;
         if limit_low {
             self.circuit.parameters.limit_a *= self.slow.limit_low;
         }
-        let full = self.hardware.full_level;
         let mut now = from;
         let mut inputs = [false; 2];
-        for (at, next) in edges([levels.in1, levels.in2], full).take_while(|&(at, _)| at < to) {
+        for &(at, next) in edges.iter().take_while(|(at, _)| *at < to) {
             if at > now {
                 self.circuit
                     .advance(Pins { awake, inputs }, (at - now) * period_s);

@@ -28,15 +28,17 @@ pub fn edges(levels: [u16; 2], full: u16) -> impl Iterator<Item = (f64, [bool; 2
     let (low, high) = (first.min(second), first.max(second));
     let moments = [0.0, low, high, 1.0 - high, 1.0 - low];
     let is_high = move |high: f64, at: f64| at < high || at >= 1.0 - high;
+    // One number for both levels: two bytes that are compared at once wait for their writes.
     let mut last = None;
     moments.into_iter().filter_map(move |at| {
         // At the full level both edges of an output coincide in mid-period: it stays high.
-        let state = [is_high(first, at), is_high(second, at)];
+        let [first, second] = [is_high(first, at), is_high(second, at)];
+        let state = u32::from(first) + 2 * u32::from(second);
         if at >= 1.0 || last == Some(state) {
             return None;
         }
         last = Some(state);
-        Some((at, state))
+        Some((at, [first, second]))
     })
 }
 
