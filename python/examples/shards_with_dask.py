@@ -16,11 +16,20 @@ from pathlib import Path
 import dask
 from distributed import Client, LocalCluster, as_completed
 
-# A worker that ends takes its shard along. Dask gives a shard up when this number of workers ended with it; its
-# default is 3. On a cluster: DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=100 dask scheduler
-dask.config.set({"distributed.scheduler.allowed-failures": 100})
-# Samples of each worker's stack, a hundred a second, cost processor time and show nothing here.
-dask.config.set({"distributed.worker.profile.enabled": False})
+dask.config.set(
+    {
+        # A worker that is killed takes its shard along. Dask gives a shard up when this number of workers ended with
+        # it; its default is 3. On a cluster: DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=100 dask scheduler
+        "distributed.scheduler.allowed-failures": 100,
+        # The work is done in processes of their own, of which these monitors see nothing. With their defaults they
+        # take 8 % of a core for two workers, with these values 1 %.
+        "distributed.worker.profile.enabled": False,
+        "distributed.worker.memory.monitor-interval": "10s",
+        "distributed.admin.system-monitor.interval": "10s",
+        "distributed.admin.tick.interval": "10s",
+        "distributed.admin.tick.cycle": "10s",
+    }
+)
 
 
 def compute(command: list[str], file: str) -> str:
