@@ -152,6 +152,64 @@ pub struct Circuit {
     trips: u32,
     /// Time from which on the bridge is awake; infinite while it is asleep.
     awake_from_s: f64,
+    decays: Decays,
+}
+
+/// Fraction of a current that is left after a span, with the integrals of the fraction and of its
+/// square over the span, s.
+#[derive(Clone, Copy, Debug)]
+struct Decay {
+    rate: f64,
+    span_s: f64,
+    rest: f64,
+    single_s: f64,
+    double_s: f64,
+}
+
+/// The last decays, placed by their rate and span. A PWM that hardly changes repeats its spans, so
+/// most of the exponentials are here.
+#[derive(Clone, Debug)]
+struct Decays([Decay; 1 << Decays::BITS]);
+
+impl Decay {
+    fn over(rate: f64, span_s: f64) -> Self {
+        let gone = -libm::expm1(-rate * span_s);
+        let rest = 1.0 - gone;
+        // ∫ exp = gone/rate, ∫ exp² = (1 − rest²)/(2 rate)
+        Self {
+            rate,
+            span_s,
+            rest,
+            single_s: gone / rate,
+            double_s: 0.5 * (1.0 - rest * rest) / rate,
+        }
+    }
+}
+
+impl Decays {
+    const BITS: u32 = 8;
+
+    fn new() -> Self {
+        // No rate is NaN, so that no place has a decay yet.
+        Self([Decay::over(f64::NAN, 0.0); 1 << Self::BITS])
+    }
+
+    fn over(&mut self, rate: f64, span_s: f64) -> Decay {
+        // The golden ratio as a fraction of 2⁶⁴ spreads neighbouring numbers over the places.
+        let mixed = (rate.to_bits() ^ span_s.to_bits()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let place = &mut self.0[(mixed >> (u64::BITS - Self::BITS)) as usize];
+        if place.rate != rate || place.span_s != span_s {
+            *place = Decay::over(rate, span_s);
+        }
+        *place
+    }
+}
+
+/// Two circuits are equal whatever they have computed before.
+impl PartialEq for Decays {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Driving voltage and resistance of the conducting path.
@@ -183,6 +241,7 @@ impl Circuit {
             shorted_until_s: 0.0,
             trips: 0,
             awake_from_s: f64::INFINITY,
+            decays: Decays::new(),
         }
     }
 
@@ -423,11 +482,12 @@ impl Circuit {
 
     fn exponential(&mut self, mesh: &Mesh, end_a: f64, rate: f64, span_s: f64) {
         let start_a = self.current_a - end_a;
-        let gone = -libm::expm1(-rate * span_s);
-        let rest = 1.0 - gone;
-        // ∫ exp = gone/rate, ∫ exp² = (1 − rest²)/(2 rate)
-        let single_s = gone / rate;
-        let double_s = 0.5 * (1.0 - rest * rest) / rate;
+        let Decay {
+            rest,
+            single_s,
+            double_s,
+            ..
+        } = self.decays.over(rate, span_s);
         let charge = end_a * span_s + start_a * single_s;
         self.current_a = end_a + start_a * rest;
         self.totals.charge_a_s += charge;
