@@ -16,6 +16,7 @@ mod hostile_bytes;
 mod image;
 mod misfit;
 mod modulus;
+mod python;
 mod recordings;
 mod relaxation;
 mod series;
@@ -24,6 +25,7 @@ mod springs;
 mod storage;
 mod tool;
 mod touch;
+mod touch_peers;
 
 use std::env;
 use std::process::ExitCode;
@@ -76,6 +78,8 @@ enum Campaign {
     /// Settings and calibration in the flash: flipped bits, garbage, power cuts, wear
     Storage(drawn::Seed),
     Touch(touch::Arguments),
+    /// Contacts of touch sensors beside ContactMechanics, which it installs, and published solutions
+    TouchPeers,
 }
 
 fn main() -> ExitCode {
@@ -109,5 +113,6 @@ fn main() -> ExitCode {
         Campaign::Springs(arguments) => failure::exit(springs::run(&arguments)),
         Campaign::Storage(seed) => storage::run(&seed),
         Campaign::Touch(arguments) => failure::exit(touch::run(&arguments)),
+        Campaign::TouchPeers => failure::exit(touch_peers::run()),
     }
 }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::cases::Case;
 use super::result::{Compared, PeerResult};
 use super::with_getdp;
-use crate::tool;
+use crate::{python, tool};
 
 /// Folder of decks and results, in the folder of the run.
 const FOLDER: &str = "target/field-peers";
@@ -47,22 +47,6 @@ fn install_tools() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Creates a virtual environment with NGSolve, and returns its Python.
-fn install_ngsolve(folder: &Path) -> Result<String, Failure> {
-    let environment = folder.join("venv");
-    let python = environment.join("bin/python");
-    if !python.exists() {
-        tool::printed(
-            Command::new("python3")
-                .args(["-m", "venv"])
-                .arg(&environment),
-        )?;
-    }
-    let packages = ["-m", "pip", "install", "--quiet", NGSOLVE];
-    tool::printed(Command::new(&python).args(packages))?;
-    Ok(text(&python))
-}
-
 pub(super) fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
@@ -82,7 +66,7 @@ impl PeerBench {
         fs::create_dir_all(&folder)?;
         install_tools()?;
         let bench = Self {
-            python: install_ngsolve(&folder)?,
+            python: python::with_packages(&folder, &[NGSOLVE])?,
             program: text(&env::current_exe()?),
             folder,
         };

@@ -1,0 +1,72 @@
+"""Presses rigid indenters on elastic layers with ContactMechanics: `with_contactmechanics.py CASES.json`.
+
+Its layer is bonded to a rigid base, on a periodic grid; without a thickness it is a half-space that does not repeat.
+Prints one JSON line for each case, with a list of results on ever finer grids. Lengths in m, forces in N.
+"""
+
+import json
+import sys
+
+import numpy as np
+from ContactMechanics import FreeFFTElasticHalfSpace, PeriodicFFTElasticHalfSpace
+from ContactMechanics.Systems import NonSmoothContactSystem
+from SurfaceTopography import Topography
+
+BEYOND_M = -1.0
+
+
+def sphere(radius, x, y):
+    square = radius**2 - x**2 - y**2
+    return np.where(square > 0, np.sqrt(np.maximum(square, 0)) - radius, BEYOND_M)
+
+
+def heights(case, x, y):
+    """Height of the indenter's face: none above the point whose depth counts, except of a tilted one."""
+    kind, radius = case["kind"], case["radius_m"]
+    if kind == "ball":
+        return sphere(radius, x, y)
+    if kind == "two balls":
+        half = case["apart_m"] / 2
+        return np.maximum(sphere(radius, x - half, y), sphere(radius, x + half, y))
+    if kind == "bar":
+        inside = (abs(x) <= case["length_m"] / 2) & (abs(y) <= case["width_m"] / 2)
+        return np.where(inside, 0.0, BEYOND_M)
+    return np.where(np.hypot(x, y) <= radius, np.tan(case["tilt_rad"]) * x, BEYOND_M)
+
+
+def substrate(case, cells, side):
+    poisson = case["poisson"]
+    young = 2 * case["shear_modulus_pa"] * (1 + poisson)
+    if case["thickness_m"] is None:
+        return FreeFFTElasticHalfSpace((cells,) * 2, young / (1 - poisson**2), (side,) * 2)
+    return PeriodicFFTElasticHalfSpace(
+        (cells,) * 2, young, (side,) * 2, thickness=case["thickness_m"], poisson=poisson
+    )
+
+
+def press(case, cells):
+    side = case["side_m"]
+    place = (np.arange(cells) + 0.5) * side / cells - side / 2
+    x, y = np.meshgrid(place, place, indexing="ij")
+    surface = Topography(heights(case, x, y), (side,) * 2)
+    system = NonSmoothContactSystem(substrate(case, cells, side), surface)
+    depth = case["depth_m"]
+    result = system.minimize_proxy(offset=depth, pentol=1e-6 * depth, maxiter=3000)
+    if not result.success:
+        sys.exit(f"{case}: {result.message}")
+    force = np.asarray(result.jac)[:cells, :cells]
+    return {
+        "force_n": force.sum(),
+        "area_m2": float((force > 0).sum()) * (side / cells) ** 2,
+        "centre_m": (force * x).sum() / force.sum(),
+    }
+
+
+def main():
+    with open(sys.argv[1]) as file:
+        cases = json.load(file)
+    for case in cases:
+        print(json.dumps([press(case, cells) for cells in case["cells"]]), flush=True)
+
+
+main()
