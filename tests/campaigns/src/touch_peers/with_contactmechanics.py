@@ -22,16 +22,21 @@ def sphere(radius, x, y):
 
 def heights(case, x, y):
     """Height of the indenter's face: none above the point whose depth counts, except of a tilted one."""
-    kind, radius = case["kind"], case["radius_m"]
+    kind = case["kind"]
     if kind == "ball":
-        return sphere(radius, x, y)
-    if kind == "two balls":
-        half = case["apart_m"] / 2
-        return np.maximum(sphere(radius, x - half, y), sphere(radius, x + half, y))
+        return sphere(case["radius_m"], x, y)
+    if kind == "pin":
+        return np.where(np.hypot(x, y) <= case["radius_m"], 0.0, BEYOND_M)
+    sine, cosine = np.sin(case["toward_rad"]), np.cos(case["toward_rad"])
+    along, across = cosine * x + sine * y, cosine * y - sine * x
+    if kind == "tilted":
+        return np.where(np.hypot(x, y) <= case["radius_m"], np.tan(case["tilt_rad"]) * along, BEYOND_M)
     if kind == "bar":
-        inside = (abs(x) <= case["length_m"] / 2) & (abs(y) <= case["width_m"] / 2)
+        inside = (abs(along) <= case["length_m"] / 2) & (abs(across) <= case["width_m"] / 2)
         return np.where(inside, 0.0, BEYOND_M)
-    return np.where(np.hypot(x, y) <= radius, np.tan(case["tilt_rad"]) * x, BEYOND_M)
+    half = case["apart_m"] / 2
+    one, other = (sphere(case["radius_m"], along + side * half, across) for side in (-1, 1))
+    return np.maximum(one, other)
 
 
 def substrate(case, cells, side):
