@@ -7,6 +7,7 @@ mod budget;
 mod coil_guards;
 mod drawn;
 mod efficiency;
+mod enclosed_coil;
 mod evidence;
 mod fault_schedules;
 mod field_accuracy;
@@ -50,6 +51,7 @@ enum Campaign {
     CoilCurrent,
     CoilGuards(coil_guards::Arguments),
     Efficiency(efficiency::Arguments),
+    EnclosedCoil(enclosed_coil::Arguments),
     FaultSchedules(fault_schedules::Arguments),
     /// The field solver on every built-in design: estimated against true errors
     FieldAccuracy,
@@ -93,6 +95,7 @@ fn main() -> ExitCode {
         Campaign::CoilCurrent => image::coil_current::run(),
         Campaign::CoilGuards(arguments) => coil_guards::run(&arguments),
         Campaign::Efficiency(arguments) => failure::exit(efficiency::run(&arguments)),
+        Campaign::EnclosedCoil(arguments) => failure::exit(enclosed_coil::run(&arguments)),
         Campaign::FaultSchedules(arguments) => fault_schedules::run(&arguments),
         Campaign::FieldAccuracy => field_accuracy::run(),
         Campaign::FieldFront(arguments) => failure::exit(field_front::run(&arguments)),
