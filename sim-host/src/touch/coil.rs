@@ -119,7 +119,7 @@ impl Reading {
     }
 
     /// Readings with this many panels of rings over the turns, and directions.
-    fn sampled(design: &CoilDesign, count: u32, angles: u32) -> Self {
+    pub(super) fn sampled(design: &CoilDesign, count: u32, angles: u32) -> Self {
         let gap_m = design.gap_at_rest_m;
         let least_m = (LEAST_GAP_PITCHES * design.pitch_m()).max(0.1e-3);
         let towards_m = (gap_m - least_m).min(TOWARDS_M);

@@ -17,6 +17,8 @@ mod layer;
 mod layout;
 mod press;
 mod quadrature;
+#[cfg(test)]
+mod references;
 mod round;
 mod sensor;
 mod timeline;
