@@ -281,6 +281,12 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: &["model/field/src", "tests/campaigns/src/field_peers"],
     },
     Campaign {
+        name: "touch-peers",
+        claim: "Contacts of the simulated touch sensors beside ContactMechanics and published solutions: forces and areas of balls and pins within 1 %.",
+        command: "campaign touch-peers",
+        rests_on: &["sim-host/src/touch", "tests/campaigns/src/touch_peers"],
+    },
+    Campaign {
         name: "planted-defects",
         claim: "Tests of the tests: each planted defect turns a test red.",
         command: "xtask planted-defects",
@@ -503,6 +509,7 @@ mod tests {
             "planted-defects",
             "field-accuracy",
             "field-peers",
+            "touch-peers",
             "image-faults",
             "image-rates",
             "image-starts",

@@ -6,13 +6,13 @@ mod published;
 
 use std::env;
 use std::f64::consts::PI;
-use std::fmt::Write;
 use std::fs;
 use std::process::Command;
 
 use cases::{CASES, Case};
 use palpate_cli::failure::Failure;
 use palpate_sim::touch::TouchTruth;
+use published::Published;
 use serde::Deserialize;
 
 use crate::{evidence, python, tool};
@@ -148,36 +148,63 @@ fn peer_row(
     )
 }
 
-/// Table of published solutions.
+/// Table of published solutions, a row for each source; prints each press.
 fn published_table(worst: &mut Worst) -> String {
     let mut table = String::from(
-        "Beside published solutions:\n\n\
-         | solution | indenter | layer | Poisson's ratio | depth, mm | force, N | published | difference | area's difference |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
+        "Beside published solutions, differences from the least to the greatest:\n\n\
+         | solution | presses | forces | areas |\n|---|---|---|---|\n",
     );
-    for published in published::all() {
-        let found = published.case.simulated();
-        let force = found.force_n / published.force_n - 1.0;
-        let area = published
-            .area_m2
-            .map(|expected_m2| area_m2(&found) / expected_m2 - 1.0);
-        worst.published = worst
-            .published
-            .max(force.abs())
-            .max(area.unwrap_or(0.0).abs());
-        // Writing to a text cannot fail.
-        let _ = writeln!(
-            table,
-            "| {} | {} | {:.5} | {:.5} | {} | {} |",
-            published.source,
-            published.case.name(),
-            found.force_n,
-            published.force_n,
-            signed(force),
-            area.map_or(String::new(), signed),
+    let found: Vec<Difference> = published::all().iter().map(difference).collect();
+    for of_source in found.chunk_by(|one, other| one.source == other.source) {
+        let forces: Vec<f64> = of_source.iter().map(|of| of.force).collect();
+        let areas: Vec<f64> = of_source.iter().filter_map(|of| of.area).collect();
+        for error in forces.iter().chain(&areas) {
+            worst.published = worst.published.max(error.abs());
+        }
+        let source = of_source.first().map_or("", |of| of.source);
+        table += &format!(
+            "| {source} | {} | {} | {} |\n",
+            forces.len(),
+            range(&forces),
+            range(&areas)
         );
     }
     table
+}
+
+/// Differences of a press from its published solution.
+struct Difference {
+    source: &'static str,
+    force: f64,
+    area: Option<f64>,
+}
+
+fn difference(published: &Published) -> Difference {
+    let found = published.case.simulated();
+    let force = found.force_n / published.force_n - 1.0;
+    println!(
+        "{}, {}: {}",
+        published.source,
+        published.case.name(),
+        signed(force)
+    );
+    Difference {
+        source: published.source,
+        force,
+        area: published
+            .area_m2
+            .map(|expected_m2| area_m2(&found) / expected_m2 - 1.0),
+    }
+}
+
+fn range(shares: &[f64]) -> String {
+    let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
+    let greatest = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if shares.is_empty() {
+        String::new()
+    } else {
+        format!("{} to {}", signed(least), signed(greatest))
+    }
 }
 
 /// Area of a contact, m².
