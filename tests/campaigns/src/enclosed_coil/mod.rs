@@ -88,7 +88,7 @@ const fn layers(above: Option<Slab>, below: Option<Slab>) -> Layers {
 /// All builds but the last have 5 mm of elastomer above a rigid board.
 const BUILDS: [Build; 6] = [
     Build {
-        name: "on the surface, 3 mm of plain silicone between",
+        name: "surface, plain silicone between",
         colour: BLUE,
         thickness_m: THICKNESS_M,
         coil_m: 0.0,
@@ -96,7 +96,7 @@ const BUILDS: [Build; 6] = [
         moves: false,
     },
     Build {
-        name: "on the surface, MSE cast on it",
+        name: "surface, MSE cast on it",
         colour: GREEN,
         thickness_m: THICKNESS_M,
         coil_m: 0.0,
@@ -104,7 +104,7 @@ const BUILDS: [Build; 6] = [
         moves: false,
     },
     Build {
-        name: "enclosed, undeformed: as the first, 2 mm of MSE behind the board",
+        name: "the first, MSE behind its board",
         colour: BLACK,
         thickness_m: THICKNESS_M,
         coil_m: 0.0,
@@ -112,7 +112,7 @@ const BUILDS: [Build; 6] = [
         moves: false,
     },
     Build {
-        name: "enclosed, cast into the middle of 5 mm of MSE",
+        name: "enclosed, cast in",
         colour: ORANGE,
         thickness_m: THICKNESS_M,
         coil_m: 2.5e-3,
@@ -120,7 +120,7 @@ const BUILDS: [Build; 6] = [
         moves: true,
     },
     Build {
-        name: "enclosed, 1.5 mm of plain silicone on either side, then 1 mm of MSE",
+        name: "enclosed, plain silicone between",
         colour: PURPLE,
         thickness_m: THICKNESS_M,
         coil_m: 2.5e-3,
@@ -129,13 +129,33 @@ const BUILDS: [Build; 6] = [
     },
     // A stiff foil: its upper half alone is pressed.
     Build {
-        name: "the same, coil on a rigid board: only the upper 2.5 mm move",
+        name: "the same, on a rigid board",
         colour: GREY,
         thickness_m: 2.5e-3,
         coil_m: 0.0,
         layers: layers(slab(1.5e-3, 1e-3), slab(1.5e-3, 1e-3)),
         moves: false,
     },
+];
+
+/// The first and the fifth build with another share of plain silicone in their 5 mm.
+type Split = (&'static str, fn(f64) -> Build);
+const SPLITS: [Split; 2] = [
+    ("Surface", |plain_m| {
+        let [build, ..] = BUILDS;
+        Build {
+            layers: layers(slab(plain_m, THICKNESS_M - plain_m), None),
+            ..build
+        }
+    }),
+    ("Enclosed", |plain_m| {
+        let [_, _, _, _, build, _] = BUILDS;
+        let half = slab(0.5 * plain_m, 0.5 * (THICKNESS_M - plain_m));
+        Build {
+            layers: layers(half, half),
+            ..build
+        }
+    }),
 ];
 
 /// Results of one build.
@@ -168,10 +188,31 @@ pub(crate) fn run(arguments: &Arguments) -> std::result::Result<(), Failure> {
     for (build, result) in BUILDS.iter().zip(&results) {
         println!("{}", row(build, result));
     }
+    for (name, at) in SPLITS {
+        let readings = (2..=9).map(|step| {
+            let plain_m = 0.5e-3 * f64::from(step);
+            let build = at(plain_m);
+            let reading = judged(&build, &winding).in_centre();
+            format!("{:.1} mm: {:+.2}", 1e3 * plain_m, 100.0 * reading)
+        });
+        println!(
+            "\n{name}, % per N by the thickness of plain silicone in all: {}",
+            readings.collect::<Vec<_>>().join(", ")
+        );
+    }
     if let Some(path) = &arguments.plot {
         fs::write(path, chart(&results).svg()?)?;
     }
     Ok(())
+}
+
+impl Result {
+    /// Reading of a press above the centre, 1/N.
+    fn in_centre(&self) -> f64 {
+        self.profile
+            .first()
+            .map_or(f64::NAN, |(_, reading)| *reading)
+    }
 }
 
 fn judged(build: &Build, winding: &Winding) -> Result {

@@ -94,7 +94,7 @@ fn peer_table(contacts: &[Vec<PeerContact>], worst: &mut Worst) -> String {
     let mut table = format!(
         "Beside {PACKAGE} on ever finer grids, of which the last counts; its change from the one before is stated. Shear \
          modulus 20 kPa, no friction. Differences are palpate's from the peer's; an area counts where no edge \
-         gives it.\n\n\
+         gives it; the peer's under a ball ends where the square of its pressure vanishes, others are sums of cells.\n\n\
          | indenter | layer | Poisson's ratio | depth, mm | force, N | peer's | difference | peer's last change | area, mm² | \
          peer's | difference | peer's last change | centres apart, mm |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
