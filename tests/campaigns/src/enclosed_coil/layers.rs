@@ -9,8 +9,8 @@ use palpate_sim::sensing_coil::layers::{both_sides, one_side, slab};
 /// Permeability of free space, H/m.
 const MU_0: f64 = 4e-7 * PI;
 
-/// Greatest wave number, 1/m: exp(−2 · 18) at the least gap, 0.1 mm.
-const LAST_PER_M: f64 = 18.0 / 0.1e-3;
+/// Greatest wave number, 1/m: exp(−2 · 9) at the least gap, 0.1 mm.
+const LAST_PER_M: f64 = 9.0 / 0.1e-3;
 
 /// Distance of the copper of two neighbouring coils, m (guess; as in `palpate_sim::touch`).
 const APART_M: f64 = 0.2e-3;
@@ -102,7 +102,7 @@ impl Winding {
                 (r_m, 2.0 * PI * r_m * width_m)
             })
         };
-        let rings: Vec<(f64, f64)> = step(0, 9_000, 12).chain(step(9_000, 30_000, 50)).collect();
+        let rings: Vec<(f64, f64)> = step(0, 9_000, 30).chain(step(9_000, 30_000, 200)).collect();
         let amplitudes: Vec<_> = self
             .waves
             .iter()
