@@ -49,6 +49,27 @@ fn the_self_test_finds_the_circuit() {
     }
 }
 
+/// The carrier's bridge takes 1.1 us from the shortest pulses, and 0.6 us from those of 2.5 us or more.
+#[test]
+fn the_self_test_finds_the_circuit_through_the_carriers_bridge() {
+    for (ohm, henry) in [(0.25, 40e-6), (0.389, 40e-6), (0.389, 143e-6), (1.0, 40e-6)] {
+        for supply_v in [8.0, 12.0, 13.9] {
+            let circuit = CircuitParameters::common(ohm, henry, supply_v).carrier();
+            let mut loop_ = regulated(circuit, ConverterParameters::RP2040, 1);
+            loop_.slow.sample_delay_s = 1e-9 * f64::from(palpate_node::board::BRIDGE_DELAY_NS);
+            loop_.test().unwrap();
+            let found = loop_.supervisor().findings().copied().unwrap().coil;
+            let least = circuit.coil_ohm + circuit.bridge_ohm;
+            let [resistance, inductance] = [
+                f64::from(found.resistance_ohm) / (least + 0.5 * circuit.supply_ohm),
+                f64::from(found.inductance_h) / henry,
+            ];
+            println!("{supply_v} V, {ohm} ohm, {henry:e} H: {resistance:.3}, {inductance:.3}");
+            assert!((0.94..1.02).contains(&resistance) && (0.96..1.04).contains(&inductance));
+        }
+    }
+}
+
 /// Mean of the true current over slightly less than a conversion of 1 ms, A, and the mean square of
 /// its ripple, A².
 fn mean_and_ripple(loop_: &mut Regulated) -> (f64, f64) {
