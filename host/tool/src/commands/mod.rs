@@ -1,5 +1,6 @@
 //! Verbs for boards, recordings, converters and frames, one module each.
 
+pub(crate) mod acceptance;
 pub(crate) mod bring_up;
 pub(crate) mod calibrate;
 pub(crate) mod calibrate_touch;
