@@ -92,7 +92,9 @@ fn engineering(value: f64, unit: &str) -> String {
         size if size >= 10.0 => 2,
         _ => 3,
     };
-    format!("{scaled:.digits$} {prefix}{unit}").trim_end().to_owned()
+    format!("{scaled:.digits$} {prefix}{unit}")
+        .trim_end()
+        .to_owned()
 }
 
 #[cfg(test)]

@@ -80,15 +80,25 @@ impl Report {
         let mut text = format!(
             "# Report of `{}`\n\n{}{}, protocol {}, {}\n",
             self.command,
-            if self.simulated { "**Simulated board.** " } else { "" },
+            if self.simulated {
+                "**Simulated board.** "
+            } else {
+                ""
+            },
             self.tool,
             self.protocol,
             self.written_at
         );
-        text.push_str("\n| quantity | measured | expected | verdict | because |\n|---|---|---|---|---|\n");
+        text.push_str(
+            "\n| quantity | measured | expected | verdict | because |\n|---|---|---|---|---|\n",
+        );
         for line in &self.lines {
             let [quantity, measured, expected, verdict] = cells(line);
-            let _ = writeln!(text, "| {quantity} | {measured} | {expected} | {verdict} | {} |", line.because);
+            let _ = writeln!(
+                text,
+                "| {quantity} | {measured} | {expected} | {verdict} | {} |",
+                line.because
+            );
         }
         text.push_str("\n## What to do\n\n");
         let actions = actions(&self.lines);
@@ -96,7 +106,12 @@ impl Report {
             let _ = writeln!(text, "- {quantity}: {action}.");
         }
         for finding in &self.findings {
-            let _ = writeln!(text, "- {}: {}.", finding.finding, finding.to_string().trim_end_matches('.'));
+            let _ = writeln!(
+                text,
+                "- {}: {}.",
+                finding.finding,
+                finding.to_string().trim_end_matches('.')
+            );
         }
         if actions.is_empty() && self.findings.is_empty() {
             text.push_str("Nothing.\n");
@@ -105,7 +120,11 @@ impl Report {
             let value = serde_json::to_string_pretty(value)?;
             let _ = write!(text, "\n## {title}\n\n```json\n{value}\n```\n");
         }
-        let _ = write!(text, "\n## Design\n\n```toml\n{}\n```\n", self.design.trim_end());
+        let _ = write!(
+            text,
+            "\n## Design\n\n```toml\n{}\n```\n",
+            self.design.trim_end()
+        );
         Ok(text)
     }
 }

@@ -158,7 +158,7 @@ fn missing_parts(link: &mut Link) -> Result<Vec<Part>, Failure> {
     Ok(missing)
 }
 
-fn is_set(link: &mut Link, part: Part) -> Result<bool, Failure> {
+pub(super) fn is_set(link: &mut Link, part: Part) -> Result<bool, Failure> {
     let question = GetCalibration {
         part,
         sensor: 0,
