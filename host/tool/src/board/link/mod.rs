@@ -99,6 +99,13 @@ impl Link {
         Ok(link)
     }
 
+    /// Connects to an emulated board of this model, for tests.
+    #[cfg(test)]
+    pub(crate) fn of_model(model: &crate::board::emulated::Model) -> Result<Self, Failure> {
+        let board = emulated::Emulated::new(model.plug(None)?, false);
+        Self::open("the emulated board".to_owned(), Box::new(board), None)
+    }
+
     fn new(name: String, transport: Box<dyn Transport>, log: Option<Log>) -> Self {
         Self {
             name,

@@ -6,7 +6,7 @@ mod report;
 use serde::Serialize;
 
 pub(crate) use promise::Promise;
-pub(crate) use report::{Report, ReportFile, actions, cells};
+pub(crate) use report::{Report, ReportFile, table};
 
 /// Verdict about a measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

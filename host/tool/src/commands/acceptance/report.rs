@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
 use palpate_cli::failure::Failure;
 use palpate_cli::finding::Finding;
 use palpate_cli::output::OutputFile;
@@ -130,7 +132,7 @@ impl Report {
 }
 
 /// Cells of a line: quantity, measured, expected, verdict.
-pub(crate) fn cells(line: &Line) -> [String; 4] {
+fn cells(line: &Line) -> [String; 4] {
     let show = |value| engineering(value, line.unit);
     let [least, greatest] = line.expected;
     let expected = match (least, greatest) {
@@ -147,8 +149,22 @@ pub(crate) fn cells(line: &Line) -> [String; 4] {
     ]
 }
 
+/// The lines as a table, and what to do below it.
+pub(crate) fn table(lines: &[Line]) -> String {
+    let mut table = Table::new();
+    table.load_style(NOTHING);
+    for line in lines {
+        table.add_row(cells(line));
+    }
+    let mut text = table.to_string();
+    for (quantity, action) in actions(lines) {
+        let _ = write!(text, "\n{quantity}: {action}.");
+    }
+    text
+}
+
 /// Quantity and action of each line that asks for one; those that are off come first.
-pub(crate) fn actions(lines: &[Line]) -> Vec<(&str, &str)> {
+fn actions(lines: &[Line]) -> Vec<(&str, &str)> {
     let mut of: Vec<&Line> = lines.iter().filter(|line| line.action.is_some()).collect();
     of.sort_by_key(|line| line.verdict == Verdict::NotMeasured);
     of.into_iter()

@@ -19,10 +19,11 @@ use palpate_cli::output::OutputFile;
 use palpate_cli::progress::Progress;
 use palpate_emulator::{EmulatedBoard, Options, Still};
 use serde::Serialize;
-use tests::Tests;
+use tests::{Tank, Tests};
 
 use crate::board::image::{self, Program};
 use crate::board::switches;
+use crate::commands::acceptance::{self, Line, Promise, ReportFile, Verdict};
 
 /// Settle on a board what sources disagree about in the converter, and write it as settings
 ///
@@ -33,11 +34,15 @@ use crate::board::switches;
 A board is reached through the server of its debug probe, at channel 0 of its RTT; \
 docs/bring-up.md has the command for OpenOCD. Leave its sensor untouched, and its coil without supply.
 
+--expect compares frequency and quality factor of the tank with a design: a wrong capacitor, a bad joint or metal near \
+the coil shows there. `palpate doctor --expect` compares everything else, with the usual image.
+
 `palpate chip --switches FILE.toml` runs the driver against a converter with these switches.
 
 Examples:
   palpate bring-up --connect localhost:9090    # needs a probe
   palpate bring-up --emulated --settings found.toml
+  palpate bring-up --emulated --expect ultrasoft --report tank.md
   palpate bring-up --emulated --switches found.toml")]
 pub(crate) struct Arguments {
     /// The probe's server, as HOST:PORT
@@ -63,6 +68,12 @@ pub(crate) struct Arguments {
     /// Where the switches that were found are written
     #[arg(long, value_name = "FILE.toml", default_value = "bring-up.toml")]
     settings: PathBuf,
+    /// Compare the tank with this design: paper, soft-closed, ultrasoft, or a stack file
+    #[arg(long, value_name = "STACK")]
+    expect: Option<String>,
+    /// Write a report to send in: Markdown, or JSON if the name ends in .json
+    #[arg(long, value_name = "FILE", requires = "expect")]
+    report: Option<PathBuf>,
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
@@ -77,12 +88,18 @@ struct TestLine<'t> {
 }
 
 /// Number of tests, for the progress bar.
-const TESTS: usize = 16;
+const TESTS: usize = 17;
 /// Frequencies of the emulated sensors at rest, Hz.
 const SENSORS_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let settings = OutputFile::new("--settings", &arguments.settings)?;
+    let report = ReportFile::named(arguments.report.as_ref())?;
+    let promise = arguments
+        .expect
+        .as_ref()
+        .map(|name| Promise::of(name, None))
+        .transpose()?;
     let link = match &arguments.connect {
         Some(address) => {
             arguments.image.none_without("--emulated")?;
@@ -103,6 +120,72 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(arguments, &tests)?;
     settings.write(text)?;
     notice::say(format_args!("switches: {}", settings.path().display()));
+    let Some(promise) = promise else {
+        return Ok(());
+    };
+    let lines = lines(&tests.tank, &promise);
+    show(arguments.json, &lines)?;
+    if let Some(file) = report {
+        file.write(&acceptance::Report::new(
+            ("palpate bring-up", arguments.emulated),
+            [found(&tests), serde_json::to_value(tests.switches)?],
+            promise.stack.file(),
+            (&lines, &[]),
+        ))?;
+        notice::say(format_args!("report: {}", file.path().display()));
+    }
+    if lines.iter().all(|line| line.verdict == Verdict::AsExpected) {
+        return Ok(());
+    }
+    Err(Failure::Refused("the tank is not the design's".to_owned()))
+}
+
+/// The tank against the design.
+fn lines(tank: &Tank, promise: &Promise) -> Vec<Line> {
+    let capacitor = tank.frequency_hz.map_or_else(
+        || "Check the sensor's plug and the tank's joints: it does not oscillate".to_owned(),
+        |hz| promise.capacitor(hz),
+    );
+    let quality = tank
+        .parallel_ohm
+        .map(|[least, greatest]| (least * greatest).sqrt() / promise.impedance_ohm());
+    vec![
+        Line::new(
+            "frequency of the untouched sensor",
+            "Hz",
+            tank.frequency_hz,
+            promise.frequency_hz(),
+            capacitor,
+        ),
+        Line::new(
+            "quality factor of the tank",
+            "",
+            quality,
+            promise.quality(),
+            "Low: a bad joint, metal near the coil without the copper plane, or a capacitor that is not C0G. High or none: \
+             check the capacitor's value, and that the coil is the design's",
+        ),
+    ]
+}
+
+/// What the tests found, for the report.
+fn found(tests: &Tests) -> serde_json::Value {
+    let found = tests
+        .findings
+        .iter()
+        .map(|of| (of.test.to_owned(), of.found.clone().into()));
+    serde_json::Value::Object(found.collect())
+}
+
+fn show(json: bool, lines: &[Line]) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        for line in lines {
+            writeln!(out, "{}", serde_json::to_string(line)?)?;
+        }
+        return Ok(());
+    }
+    writeln!(out, "{}", acceptance::table(lines))?;
     Ok(())
 }
 

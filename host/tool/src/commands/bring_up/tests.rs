@@ -1,6 +1,6 @@
 //! The tests; each settles a behaviour about which sources disagree (docs/fidelity.md).
 
-use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Word};
+use ldc161x::{Code28, DriveCode, Hypothesis, PlausibilityCount, Rational, Rcount, Word};
 use ldc161x_sim::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
     InterruptRelease, Overhead, Overwrite, RcountMinimum, ShadowLatch, SleepExit, StatusReporting,
@@ -12,6 +12,19 @@ use super::converter::register::{DATA_LSB, DATA_MSB, STATUS};
 use super::converter::{
     ACTIVE, Converter, MUX, OWN_DRIVE, Op, READY, REPORTS, SCAN, Setup, UNREAD, register,
 };
+
+/// Bounds of an amplitude without a flag, V (datasheet 8.1.5).
+const CLEAN_V: [f64; 2] = [1.2, 1.8];
+/// DATA_MSB: all flags.
+const FLAGS: u16 = 0xF << 12;
+
+/// What the converter finds of the sensor on channel 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tank {
+    pub(super) frequency_hz: Option<f64>,
+    /// Bounds of the parallel resistance, ohm; `None` if no drive gives an amplitude without a flag.
+    pub(super) parallel_ohm: Option<[f64; 2]>,
+}
 
 /// Result of a test.
 pub(super) struct TestFinding {
@@ -50,6 +63,7 @@ pub(super) struct Tests {
     pub(super) findings: Vec<TestFinding>,
     /// DRIVE_CURRENT0 that the converter found for the sensor.
     drive: u16,
+    pub(super) tank: Tank,
 }
 
 impl Tests {
@@ -59,6 +73,7 @@ impl Tests {
             switches: Switches::default(),
             findings: Vec::new(),
             drive: QUICK.drive,
+            tank: Tank::default(),
         }
     }
 
@@ -69,6 +84,7 @@ impl Tests {
             Self::first_wake,
             Self::burst,
             Self::find_drive,
+            Self::measure_tank,
             Self::words,
             Self::intervals,
             Self::interrupt,
@@ -148,6 +164,34 @@ impl Tests {
         let drive = found.saturating_sub(1);
         self.drive = drive << 11;
         self.tell("drive that the converter seeks", format!("code {found}"));
+        Ok(())
+    }
+
+    /// Measures the sensor's frequency, and its parallel resistance by the drives that give an amplitude without a flag.
+    fn measure_tank(&mut self) -> Result<()> {
+        let setup = self.setup(SLOW);
+        self.converter.start(&setup)?;
+        self.converter.words(2)?;
+        let hz = mean(&self.converter.words(8)?) * setup.reference_hz();
+        self.tank.frequency_hz = (hz > 0.0).then_some(hz);
+        let mut clean = Vec::new();
+        for code in 0..=DriveCode::STRONGEST.code() {
+            let drive = u16::from(code) << 11;
+            self.converter.start(&Setup { drive, ..QUICK })?;
+            self.converter.pause_ms(5)?;
+            if self.converter.read(DATA_MSB)? & FLAGS == 0 {
+                clean.push(code);
+            }
+        }
+        self.tank.parallel_ohm = parallel_ohm(&clean);
+        let resistance = self.tank.parallel_ohm.map_or_else(
+            || "no drive without a flag".to_owned(),
+            |[least, greatest]| format!("RP {least:.0} to {greatest:.0} ohm"),
+        );
+        self.tell(
+            "frequency, and RP by the drives without a flag",
+            format!("{:.4} MHz; {resistance}", 1e-6 * hz),
+        );
         Ok(())
     }
 
@@ -642,6 +686,22 @@ impl Tests {
     }
 }
 
+/// Bounds of the parallel resistance, ohm, by V = 4 I RP/π (datasheet, equation 12): the first drive without a flag
+/// reaches 1.2 V and the one before does not, the last does not reach 1.8 V and the one after does.
+fn parallel_ohm(clean: &[u8]) -> Option<[f64; 2]> {
+    let (&first, &last) = (clean.first()?, clean.last()?);
+    let at = |volt: f64, code: DriveCode| {
+        volt * core::f64::consts::PI / (4e-6 * f64::from(code.current_ua()))
+    };
+    let [low_v, high_v] = CLEAN_V;
+    let before = first.checked_sub(1).and_then(DriveCode::new);
+    let after = last.checked_add(1).and_then(DriveCode::new);
+    let least = at(low_v, DriveCode::new(first)?).max(after.map_or(0.0, |code| at(high_v, code)));
+    let greatest = at(high_v, DriveCode::new(last)?);
+    let greatest = before.map_or(greatest, |code| greatest.min(at(low_v, code)));
+    Some([least, greatest])
+}
+
 /// Returns the code of a word without a counting error; the amplitude flag does not matter.
 fn code(word: u32) -> Option<Code28> {
     let is_good = word >> 29 == 0 && word & 0x0FFF_FFFF != 0;
@@ -672,4 +732,29 @@ fn relative_deviation(words: &[u32]) -> f64 {
 fn are_alike(words: &[u32], others: &[u32]) -> bool {
     let (mean, other) = (mean(words), mean(others));
     mean > 0.0 && (other / mean - 1.0).abs() < 1e-3
+}
+
+#[cfg(test)]
+mod unit_tests {
+    use super::*;
+
+    /// Drives that a resistance of 5.7 kΩ leaves without a flag, by the data sheet's currents and equation alone.
+    #[test]
+    fn drives_without_a_flag_enclose_the_resistance() {
+        for ohm in [1.5e3, 5.7e3, 20e3] {
+            let volt = |code: &u8| {
+                4.0 * ohm * 1e-6 * f64::from(DriveCode::new(*code).unwrap().current_ua())
+                    / std::f64::consts::PI
+            };
+            let clean: Vec<u8> = (0..32)
+                .filter(|code| (1.2..1.8).contains(&volt(code)))
+                .collect();
+            let [least, greatest] = parallel_ohm(&clean).unwrap();
+            assert!(
+                least <= ohm && ohm <= greatest && greatest < 1.25 * least,
+                "{ohm}: {least} {greatest}"
+            );
+        }
+        assert_eq!(parallel_ohm(&[]), None);
+    }
 }

@@ -11,8 +11,6 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use comfy_table::Table;
-use comfy_table::presets::NOTHING;
 use examination::Examination;
 use palpate_cli::failure::Failure;
 use palpate_cli::finding::Finding;
@@ -198,15 +196,7 @@ fn print(report: &Report, json: bool) -> Result<(), Failure> {
         writeln!(out, "  Action: {}.", finding.action.trim_end_matches('.'))?;
     }
     if !report.lines.is_empty() {
-        let mut table = Table::new();
-        table.load_style(NOTHING);
-        for line in &report.lines {
-            table.add_row(acceptance::cells(line));
-        }
-        writeln!(out, "{table}")?;
-        for (quantity, action) in acceptance::actions(&report.lines) {
-            writeln!(out, "{quantity}: {action}.")?;
-        }
+        writeln!(out, "{}", acceptance::table(&report.lines))?;
     }
     if report.findings.is_empty() && report.lines.iter().all(|line| line.verdict != Verdict::Off) {
         let board = report.board.as_deref().unwrap_or_default();
