@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks what `palpate field export` writes with programs of others: KiCad loads each footprint and finds nothing by
+"""Checks what `palpate field export` and `palpate plan-touch --kicad` write with programs of others: KiCad loads each footprint and finds nothing by
 its design rules, ezdxf reads the drawings, trimesh finds the STL watertight, shapely no turns that touch. From the
 tracks as KiCad has read them come length, resistance, inductance and field once more, by formulas of this file.
 
@@ -21,6 +21,9 @@ import trimesh
 HERE = pathlib.Path(__file__).parent
 # The three designs with the most different circuits, the sensing coil alone, and all of it in one.
 DESIGNS = ["A", "pot", "closed", "sensing", "closed-sensing"]
+LAYOUTS = ["three-around-one", "seven"]
+# Boards of an array: from one to the next, and from front to back, m.
+APART, FILM = 0.25e-3, 0.1e-3
 # Height of the front's copper in the designs, m, and of the core's middle.
 HEIGHTS = {"lower": 1.605e-3, "upper": 8.245e-3, "sensing": 0.0}
 CORE = np.array([0, 0, 4.14e-3])
@@ -143,6 +146,12 @@ def check_design(palpate, design, folder, known):
         parts = {(row["part"], row["quantity"]): float(row["value"]) for row in csv.DictReader(file)}
     section = ezdxf.readfile(folder / "d" / f"{design}_section.dxf")
     assert not section.audit().errors and len(section.modelspace()), f"{design}: the section cannot be read"
+    for path in (folder / "d").glob("*_slots.dxf"):
+        slots = ezdxf.readfile(path)
+        outlines = [np.array([vertex.dxf.location.vec2 for vertex in line.vertices]) for line in
+                    slots.modelspace().query("POLYLINE") if line.dxf.layer == "SLOT"]
+        assert not slots.audit().errors and outlines, f"{path.name} cannot be read"
+        print(f"  {path.name}: {len(outlines)} slots, {np.linalg.norm(outlines[0][1] - outlines[0][2]):.2f} mm wide")
     boards = {path.stem.split("_")[-1]: path for path in (folder / "k").glob("*.kicad_mod")}
     series = {"lower and upper in series": ["lower", "upper"], "sensing": ["sensing"]}
     for title, names in series.items():
@@ -167,7 +176,47 @@ def check_design(palpate, design, folder, known):
         print(f"  {path.name}: watertight, {solid.volume / 1e3:.3f} cm3, {np.round(solid.extents, 2)} mm")
 
 
+def coils_of(read, height):
+    """The coils of a board, whose pieces of track follow each other from pad to pad."""
+    groups = []
+    for line in (line for line in read["lines"] if line[0].endswith(".Cu")):
+        if not groups or np.abs(np.subtract(groups[-1][-1][2], line[1])).max() > 1e-4:
+            groups.append([])
+        groups[-1].append(line)
+    return [Copper({"lines": group}, FILM, height) for group in groups]
+
+
+def check_array(palpate, layout, folder):
+    text = run(palpate, "plan-touch", layout, "--kicad", folder / "k", "--dxf", folder / "d")
+    print(f"{layout}\n{text.split('written: ')[0].rstrip()}")
+    rows = [row.split() for row in text.splitlines() if re.fullmatch(r" +\d+ +\d+( +[\d.]+){4} +[+-][\d.]+", row)]
+    pairs = {(int(a), int(b)): float(k) for a, b, k in re.findall(r"^ +(\d+) (\d+) +([-\d.]+) +[-\d.]+$", text, re.M)}
+    found = {}
+    for path in sorted((folder / "k").glob("*.kicad_mod")):
+        board = int(path.stem.split("_")[-1])
+        on_it = [row for row in rows if int(row[1]) == board]
+        clearance = min(float(row[2]) for row in on_it)
+        coils = coils_of(read_board(path, clearance, folder), -APART * (board - 1))
+        assert len(coils) == len(on_it), f"{path.stem}: {len(coils)} conductors for {len(on_it)} coils"
+        for row, copper in zip(on_it, coils):
+            assert not copper.touching(1e-3 * clearance), f"{path.stem}: turns touch"
+            henry = inductance([copper], 35e-6)
+            assert abs(1e6 * henry / float(row[4]) - 1) < 0.01, f"{layout}: L of coil {row[0]} is {henry} H"
+            found[int(row[0])] = copper, henry
+        drawing = ezdxf.readfile(folder / "d" / f"{path.stem}.dxf")
+        assert not drawing.audit().errors and len(drawing.modelspace()), f"{path.stem}.dxf cannot be read"
+    assert len(found) == len(rows) and rows and pairs, f"{layout}: {len(found)} coils are on the boards"
+    for (one, other), stated_k in list(pairs.items())[:3]:
+        (a, a_henry), (b, b_henry) = found[one], found[other]
+        k = (inductance([a, b], 35e-6) - a_henry - b_henry) / 2 / np.sqrt(a_henry * b_henry)
+        print(f"  by this script: k of {one} and {other} is {k:.3f}")
+        assert abs(k - stated_k) < 0.01, f"{layout}: k of {one} and {other} is {k}"
+
+
 def main():
+    for layout in LAYOUTS:
+        with tempfile.TemporaryDirectory() as folder:
+            check_array(sys.argv[1], layout, pathlib.Path(folder))
     known = {}
     for design in DESIGNS:
         with tempfile.TemporaryDirectory() as folder:

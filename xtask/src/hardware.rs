@@ -1,5 +1,5 @@
-//! `cargo xtask ci --only hardware`: the carrier board by KiCad's rules, and what `palpate field export` writes as
-//! KiCad, ezdxf, trimesh and shapely read it.
+//! `cargo xtask ci --only hardware`: the carrier board by KiCad's rules, and the boards, drawings and moulds of
+//! `palpate field export` and `palpate plan-touch` as KiCad, ezdxf, trimesh and shapely read them.
 //!
 //! KiCad 9 has to be there; the Python packages are installed as for the step `python`.
 

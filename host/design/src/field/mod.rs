@@ -4,7 +4,7 @@ mod ac;
 mod candidate;
 mod compare;
 mod drive;
-mod export;
+pub(crate) mod export;
 mod figures;
 mod forces;
 mod front;

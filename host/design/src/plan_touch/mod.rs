@@ -18,6 +18,8 @@ use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_cli::quantity::within;
 
+use crate::field::export::array::{self, ArrayCoil, Target};
+
 use errors::Limits;
 use layout::Layout;
 use map::Map;
@@ -31,6 +33,11 @@ pressure. Each coil reads the displacement of the layer's surface, weighted by i
 magnetic elastomer. Standard errors follow from the derivatives of all readings by x, y, ln F and ln a, with the noise, \
 the gain errors and a declared radius. Viscosity, large strains, a tilted or second contact are not in them.
 
+--kicad and --dxf write the coils' boards and nothing else of this: each coil is a spiral of tracks as wide as the spaces \
+between them, on the front of a flexible board of two layers, with a via and a lead on the back. Coils that overlap are \
+on boards of their own, one on the other. The round trip compares inductance and coupling of the tracks with those of \
+the layout's circles, in air. Nothing of this has been made yet.
+
 Each limit is one of a standard error, at every press of a lattice inside.
 
 Exit code 1 when no press lies inside; exit code 2 for an invalid layout or number.
@@ -39,7 +46,8 @@ Examples: a built-in layout with a map; a layout of your own
 
   palpate plan-touch three-around-one --plot touch.svg
   palpate plan-touch seven --show > mine.toml
-  palpate plan-touch mine.toml --place 0.5 --json")]
+  palpate plan-touch mine.toml --place 0.5 --json
+  palpate plan-touch three-around-one --kicad boards --dxf drawings")]
 pub struct Arguments {
     /// Layout: three-around-one, seven, or a file
     #[arg(value_name = "LAYOUT")]
@@ -54,14 +62,39 @@ pub struct Arguments {
     #[arg(long, default_value_t = 20.0, value_name = "PERCENT", value_parser = within(1e-3, 100.0, "%"))]
     radius: f64,
     /// Print the layout's file, to start one of your own
-    #[arg(long, conflicts_with_all = ["json", "plot"])]
+    #[arg(long, conflicts_with_all = ["json", "plot", "kicad", "dxf"])]
     show: bool,
     /// One JSON object
     #[arg(long)]
     json: bool,
+    /// Write the coils' boards as KiCad footprints into this folder
+    #[arg(long, value_name = "FOLDER")]
+    kicad: Option<PathBuf>,
+    /// Write drawings of the coils' boards into this folder
+    #[arg(long, value_name = "FOLDER")]
+    dxf: Option<PathBuf>,
+    /// Least distance of the boards' tracks, mm; less where the layout leaves less
+    #[arg(long, default_value_t = 0.1, value_name = "MM", value_parser = within(0.05, 10.0, "mm"))]
+    clearance: f64,
     /// Draw where each limit is met
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+}
+
+/// Writes the boards of the layout's coils.
+fn boards(layout: &Layout, arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    let coil = |coil: &layout::Coil| ArrayCoil {
+        centre_m: coil.centre_m,
+        radii_m: [coil.winding.inner_m, coil.winding.outer_m],
+        turns: coil.winding.turns,
+    };
+    let coils: Vec<ArrayCoil> = layout.coils.iter().map(coil).collect();
+    let target = Target {
+        kicad: arguments.kicad.as_deref(),
+        dxf: arguments.dxf.as_deref(),
+        clearance_m: 1e-3 * arguments.clearance,
+    };
+    array::write(&layout.name, &coils, &target, out)
 }
 
 /// Runs the verb.
@@ -77,6 +110,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if arguments.show {
         return Ok(write!(out, "{text}")?);
+    }
+    if arguments.kicad.is_some() || arguments.dxf.is_some() {
+        return boards(&layout, arguments, &mut out);
     }
     let limits = Limits {
         place_m: 1e-3 * arguments.place,

@@ -6,7 +6,7 @@ use palpate_field::design::Design;
 use palpate_field::geometry::shape::Shape;
 
 use super::solid::corners;
-use super::winding::{Place, Winding};
+use super::winding::{Place, Tab, Winding};
 
 /// A drawing in millimetres.
 pub(super) struct Drawing(String);
@@ -59,10 +59,78 @@ impl Drawing {
         ]));
     }
 
+    /// Adds letters 1.5 mm high.
+    fn text_at(&mut self, layer: &str, place: Place, letters: &str) {
+        let [x, y] = place.map(|coordinate| format!("{:.4}", 1e3 * coordinate));
+        self.0.push_str(&groups(&[
+            (0, "TEXT"),
+            (8, layer),
+            (10, &x),
+            (20, &y),
+            (40, "1.5"),
+            (1, letters),
+        ]));
+    }
+
     pub(super) fn text(mut self) -> String {
         self.0.push_str(&groups(&[(0, "ENDSEC"), (0, "EOF")]));
         self.0
     }
+}
+
+/// Play of a tab in its slot, on either side, m.
+const PLAY_M: f64 = 0.25e-3;
+
+/// Parts of iron through which tabs of the boards lead, from above, each with its slots: name and drawing. Layers OUTLINE,
+/// SLOT and NOTE; the note has the heights of the slots.
+pub(super) fn slotted(design: &Design, windings: &[Winding]) -> Vec<(String, String)> {
+    let parts = design.parts.iter().filter(|part| !part.cast);
+    let drawn = parts.filter_map(|part| {
+        let corners = corners(&part.shape);
+        let [r_m, x_m] = [0, 1].map(|axis| ends(corners.iter().map(|corner| corner[axis])));
+        let tabs: Vec<Tab> = windings.iter().flat_map(Winding::tabs).collect();
+        let through = tabs.iter().filter(|tab| {
+            tab.r_m[0] < r_m[1] && tab.r_m[1] > r_m[0] && tab.x_m[0] < x_m[1] && tab.x_m[1] > x_m[0]
+        });
+        let through: Vec<&Tab> = through.collect();
+        (!through.is_empty()).then(|| (part.name.clone(), slots(r_m, &through)))
+    });
+    drawn.collect()
+}
+
+/// A ring from above with slots from its inner to its outer edge.
+fn slots([inner_m, outer_m]: [f64; 2], tabs: &[&Tab]) -> String {
+    let mut drawing = Drawing::new();
+    for radius_m in [inner_m, outer_m]
+        .into_iter()
+        .filter(|radius_m| *radius_m > 0.0)
+    {
+        drawing.circle("OUTLINE", [0.0; 2], 2.0 * radius_m);
+    }
+    for tab in tabs {
+        let (sin, cos) = tab.angle.sin_cos();
+        let half_m = tab.half_m + PLAY_M;
+        let from_m = inner_m.max(tab.r_m[0] - PLAY_M);
+        let corner =
+            |[along, across]: Place| [along * cos - across * sin, along * sin + across * cos];
+        let corners = [
+            [from_m, -half_m],
+            [outer_m, -half_m],
+            [outer_m, half_m],
+            [from_m, half_m],
+        ];
+        drawing.line("SLOT", &corners.map(corner), 0.0, true);
+        let [low, high] = tab.x_m.map(|x_m| 1e3 * x_m);
+        let note = format!("x = {low:.2} to {high:.2} mm");
+        drawing.text_at("NOTE", corner([1.05 * outer_m, 0.0]), &note);
+    }
+    drawing.text()
+}
+
+fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(value), high.max(value)]
+    })
 }
 
 fn groups(groups: &[(u32, &str)]) -> String {
@@ -102,4 +170,34 @@ pub(super) fn section(design: &Design) -> String {
         part.minus.iter().for_each(|cut| outline(cut, "_cut_out"));
     }
     drawing.text()
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_field::design::builtin;
+
+    use super::*;
+
+    /// The tabs of both boards of `closed` pass its rims, and nothing else.
+    #[test]
+    fn tabs_have_slots_in_the_iron_that_they_pass() {
+        let design = builtin("closed").unwrap();
+        let windings = Winding::all(&design, 0.2e-3).unwrap();
+        let drawings = slotted(&design, &windings);
+        let slots: Vec<(&str, usize)> = drawings
+            .iter()
+            .map(|(name, text)| (name.as_str(), text.matches("\nPOLYLINE\n").count()))
+            .collect();
+        println!("{slots:?}");
+        assert!(
+            !slots.is_empty() && slots.iter().all(|(_, count)| *count == 2),
+            "{slots:?}"
+        );
+        assert!(
+            slots.iter().all(|(name, _)| name.contains("rim")),
+            "{slots:?}"
+        );
+        let air = builtin("air").unwrap();
+        assert!(slotted(&air, &Winding::all(&air, 0.2e-3).unwrap()).is_empty());
+    }
 }

@@ -40,6 +40,15 @@ impl Filament {
         }
     }
 
+    /// The filament at another place on the board.
+    pub(super) fn moved(&self, [y, z]: Place) -> Self {
+        let [from_x, from_y, from_z] = self.from;
+        Self {
+            from: [from_x, from_y + y, from_z + z],
+            ..*self
+        }
+    }
+
     fn at(&self, s: f64) -> Vector {
         let mut place = self.from;
         for (place, along) in place.iter_mut().zip(self.along) {
@@ -162,6 +171,13 @@ pub(super) fn inductance_h(filaments: &[Filament]) -> f64 {
         2.0 * before + own.neumann_m(own)
     };
     let sum: f64 = (0..filaments.len()).into_par_iter().map(row).sum();
+    0.25 * MU_0_OVER_4_PI * sum
+}
+
+/// Mutual inductance of two conductors, H (Neumann).
+pub(super) fn mutual_h(filaments: &[Filament], others: &[Filament]) -> f64 {
+    let row = |own: &Filament| -> f64 { others.iter().map(|other| own.neumann_m(other)).sum() };
+    let sum: f64 = filaments.par_iter().map(row).sum();
     0.25 * MU_0_OVER_4_PI * sum
 }
 

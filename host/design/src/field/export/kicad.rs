@@ -2,11 +2,19 @@
 
 use std::fmt::Write as _;
 
-use super::winding::{Place, Winding};
+use super::winding::{Hole, Place, Winding};
 
 /// A place in millimetres as KiCad has it, downwards.
 fn place([y, z]: Place) -> String {
     format!("{:.4} {:.4}", 1e3 * y, -1e3 * z)
+}
+
+/// The pads that one conductor joins.
+fn tie(holes: &[Hole]) -> String {
+    let mut numbers: Vec<u8> = holes.iter().map(|hole| hole.number).collect();
+    numbers.sort_unstable();
+    let numbers: Vec<String> = numbers.iter().map(u8::to_string).collect();
+    format!("\"{}\"", numbers.join(", "))
 }
 
 /// Text of a footprint. The winding joins its pads, which KiCad allows in a group of net ties.
@@ -24,7 +32,12 @@ pub(super) fn footprint(name: &str, about: &str, winding: &Winding) -> String {
             "\t(property \"{key}\" \"{value}\" (at 0 {y} 0) (layer \"F.{layer}\") (hide yes) {middle})"
         );
     }
-    text.push_str("\t(attr through_hole)\n\t(net_tie_pad_groups \"1, 2, 3\")\n");
+    let ties: Vec<String> = winding.holes.chunks(3).map(tie).collect();
+    let _ = writeln!(
+        text,
+        "\t(attr through_hole)\n\t(net_tie_pad_groups {})",
+        ties.join(" ")
+    );
     let mut line = |from: Place, to: Place, width_m: f64, layer: &str| {
         let _ = writeln!(
             text,

@@ -1,5 +1,6 @@
 //! `palpate field export`: a design as files for other programs: its field, and what one orders to build it.
 
+pub(crate) mod array;
 mod dxf;
 mod filament;
 mod grid;
@@ -44,7 +45,8 @@ a circle with a jog to the next one, of which the first and the last cannot be w
 that does: tracks, leads and via as filaments in air against the circles of the design, and, with its iron, \
 finite elements of the tracks' mean around the axis. Out of the axis iron is not computed.
 
-DXF: each board from its front, and the section through bodies and plates. STL: a mould for each body, open above, \
+DXF: each board from its front, the section through bodies and plates, and iron through which tabs of the boards lead, \
+from above with its slots. STL: a mould for each body, open above, \
 and discs for the empty spaces along the axis. What is cut out of a body, and boards in it, are not in the mould. \
 Nothing of this has been made yet.
 
@@ -151,7 +153,13 @@ fn write_boards(
         format!("{}_section.dxf", file_stem(&design.name)),
         dxf::section(design).into_bytes(),
     );
-    let drawings = windings.iter().map(drawing).chain([section]);
+    let slotted = dxf::slotted(design, &windings)
+        .into_iter()
+        .map(|(part, text)| {
+            let stem = file_stem(&format!("{}_{part}_slots", design.name));
+            (format!("{stem}.dxf"), text.into_bytes())
+        });
+    let drawings = windings.iter().map(drawing).chain([section]).chain(slotted);
     let files = [
         Files::of(
             "--kicad",

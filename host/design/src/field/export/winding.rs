@@ -55,6 +55,18 @@ impl Hole {
     }
 }
 
+/// A tab of a board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Tab {
+    pub(super) angle: f64,
+    /// Half of its width, m.
+    pub(super) half_m: f64,
+    /// From the rim to its end, m.
+    pub(super) r_m: [f64; 2],
+    /// From its back to its front along the axis, m.
+    pub(super) x_m: [f64; 2],
+}
+
 /// A board with one winding.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Winding {
@@ -247,6 +259,28 @@ impl Winding {
             edges,
             depth_m,
             clearance_m,
+        })
+    }
+
+    /// The tabs of a board whose axis is the design's.
+    pub(super) fn tabs(&self) -> impl Iterator<Item = Tab> + '_ {
+        let faces = self
+            .tracks
+            .iter()
+            .flat_map(|track| [-0.5, 0.5].map(|side| track.x_m + side * track.thickness_m));
+        let x_m = faces.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+            [low.min(x), high.max(x)]
+        });
+        let pads = self.holes.iter().filter(|hole| hole.number != 3);
+        pads.map(move |pad| {
+            let r_m = pad.place[0].hypot(pad.place[1]);
+            let half_m = 0.5 * pad.diameter_m + BESIDE_PAD_M;
+            Tab {
+                angle: pad.place[1].atan2(pad.place[0]),
+                half_m,
+                r_m: [r_m - 0.5 * pad.diameter_m, r_m + half_m],
+                x_m,
+            }
         })
     }
 
@@ -500,7 +534,7 @@ fn leads(mut places: Vec<Place>, [first_m, last_m]: [f64; 2]) -> Vec<Place> {
 }
 
 /// A circle with a tab of half the width `tab[1]` to the radius `tab[0]` at each of the places.
-fn outline(radius_m: f64, tabs: &[Place], [end_m, half_m]: [f64; 2]) -> Vec<Place> {
+pub(super) fn outline(radius_m: f64, tabs: &[Place], [end_m, half_m]: [f64; 2]) -> Vec<Place> {
     let side = (half_m / radius_m).asin();
     let mut angles: Vec<f64> = tabs
         .iter()

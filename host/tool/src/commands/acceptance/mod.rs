@@ -69,7 +69,7 @@ impl Line {
     }
 }
 
-/// A value with an SI prefix and four significant digits.
+/// A value with an SI prefix and four significant digits; a small number without a unit in millionths.
 fn engineering(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 6] = [
         (1e6, "M"),
@@ -79,6 +79,9 @@ fn engineering(value: f64, unit: &str) -> String {
         (1e-6, "µ"),
         (1e-9, "n"),
     ];
+    if unit.is_empty() && value != 0.0 && value.abs() < 0.5e-3 {
+        return format!("{:.2} ppm", 1e6 * value);
+    }
     let without = ["", "ohm", "°C"].contains(&unit);
     let fits = |(scale, _): &&(f64, &str)| value.abs() >= 0.9999 * scale;
     let (scale, prefix) = match PREFIXES.iter().find(fits) {
@@ -108,6 +111,8 @@ mod tests {
         assert_eq!(engineering(0.3891, "ohm"), "0.389 ohm");
         assert_eq!(engineering(-0.0125, "A"), "-12.50 mA");
         assert_eq!(engineering(0.0, ""), "0");
+        assert_eq!(engineering(0.0714, ""), "0.071");
+        assert_eq!(engineering(1.25e-6, ""), "1.25 ppm");
     }
 
     #[test]

@@ -64,7 +64,7 @@ fn each_planted_defect_is_off_in_its_own_line() {
     assert!((found_pf - 470.0).abs() < 20.0, "{action}");
 
     let shorted = lines_of(|plant| {
-        plant.thermal.resistance_ohm *= 0.3;
+        plant.thermal.resistance_ohm *= 0.5;
         plant.current.inductance_h *= 0.4;
     });
     let shorted = off(&shorted);
