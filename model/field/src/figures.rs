@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use crate::design::Design;
 use crate::force;
 use crate::geometry::length;
-use crate::mesh::Zone;
+use crate::mesh::{Region, Zone};
 use crate::plates;
 use crate::solve::{Level, Locator};
 
@@ -162,7 +162,8 @@ fn peak_to_peak(values: &[f64]) -> f64 {
 /// Mean |B| and the coefficients of variation in the three zones of the core.
 fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
     let mut sums = [[0.0; 3]; 3];
-    level.visit(w, |at| {
+    let in_core = |region: &Region| region.zone != Zone::None;
+    level.visit_where(w, in_core, |at| {
         let b = length(at.b);
         let volume = TAU * at.weight * at.point[0];
         for (sum, (zone, _)) in sums.iter_mut().zip(Zone::SHARES) {
@@ -187,7 +188,8 @@ fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
 
 fn linkage(design: &Design, level: &Level, w: &[f64]) -> f64 {
     let mut linkage = 0.0;
-    level.visit(w, |at| {
+    let in_ring = |region: &Region| region.ring.is_some();
+    level.visit_where(w, in_ring, |at| {
         let Some([coil, ring]) = at.region.ring else {
             return;
         };

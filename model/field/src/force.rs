@@ -19,6 +19,7 @@ use core::f64::consts::TAU;
 use crate::design::Design;
 use crate::geometry::{Point, length};
 use crate::material::Material;
+use crate::mesh::Region;
 use crate::solve::{Level, Locator};
 
 /// Magnetic tension along the axis in excess of that of the background field in vacuum, N/m². It is
@@ -44,10 +45,9 @@ fn tension_of(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
 pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
     let [from, to] = design.core.parting_m();
     let mut sum = 0.0;
-    level.visit(w, |at| {
-        if at.region.parting {
-            sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
-        }
+    let parting = |region: &Region| region.parting;
+    level.visit_where(w, parting, |at| {
+        sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
     });
     // Outside of the circle around the design the field is smooth.
     let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));

@@ -10,7 +10,7 @@ use core::f64::consts::TAU;
 
 use crate::design::Design;
 use crate::geometry::{Point, distance, length};
-use crate::mesh::CORNER_M;
+use crate::mesh::{CORNER_M, Region};
 use crate::solve::{Level, Locator};
 
 /// Number of points on the edge of the disc about a corner, 11 degrees apart: that is dense enough,
@@ -56,12 +56,13 @@ pub(crate) fn visit_parts(
     let mesh = &level.space.mesh;
     let corners = mesh.corners.iter().map(|&corner| mesh.position(corner));
     let corners: Vec<Point> = corners.collect();
-    let counts = |part: Option<u32>, point: Point| {
+    let in_part = |region: &Region| region.part.is_some_and(|part| counts(part as usize));
+    let far = |point: Point| {
         let far = |&corner: &Point| distance(point, corner) > CORNER_M;
-        part.is_some_and(|part| counts(part as usize)) && corners.iter().all(far)
+        corners.iter().all(far)
     };
-    level.visit(w, |at| {
-        if counts(at.region.part, at.point) {
+    level.visit_where(w, in_part, |at| {
+        if far(at.point) {
             found(at.triangle, length(at.b));
         }
     });
@@ -76,7 +77,8 @@ pub(crate) fn visit_parts(
             let at = locator.at(point);
             let region = mesh.regions.get(at.region as usize);
             if let Some(triangle) = locator.triangle(point)
-                && region.is_some_and(|region| counts(region.part, point))
+                && region.is_some_and(in_part)
+                && far(point)
             {
                 found(triangle, at.size());
             }

@@ -124,7 +124,17 @@ impl Level {
     }
 
     /// Calls `visit` at every point of integration inside the circle.
-    pub fn visit(&self, w: &[f64], mut visit: impl FnMut(&At<'_>)) {
+    pub fn visit(&self, w: &[f64], visit: impl FnMut(&At<'_>)) {
+        self.visit_where(w, |_| true, visit);
+    }
+
+    /// Calls `visit` at every point of integration of some regions inside the circle.
+    pub(crate) fn visit_where(
+        &self,
+        w: &[f64],
+        counts: impl Fn(&Region) -> bool,
+        mut visit: impl FnMut(&At<'_>),
+    ) {
         let mut placed = Placed::new(&self.space.basis);
         for (index, triangle) in self.space.mesh.triangles.iter().enumerate() {
             let region = self.space.mesh.region(triangle);
@@ -133,7 +143,7 @@ impl Level {
             else {
                 continue;
             };
-            if region.exterior {
+            if region.exterior || !counts(&region) {
                 continue;
             }
             for (sample, weight) in &self.space.samples {
