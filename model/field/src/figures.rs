@@ -7,7 +7,7 @@ use crate::force;
 use crate::geometry::length;
 use crate::mesh::{Region, Zone};
 use crate::plates;
-use crate::solve::{Level, Locator};
+use crate::solve::{Level, Locator, Wanted};
 
 /// Figures of merit of a field. The type is also used for errors and changes of the figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,7 +48,7 @@ pub(crate) struct ProfiledFigures {
 
 impl ProfiledFigures {
     /// Computes all figures of a solution.
-    pub(crate) fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
+    pub(crate) fn of(design: &Design, level: &Level, w: &[f64], wanted: Wanted<'_>) -> Self {
         let locator = Locator::new(level, w);
         let core = &design.core;
         let middle = core.middle_m();
@@ -71,7 +71,10 @@ impl ProfiledFigures {
             radial_pp: peak_to_peak(&profiles[1]),
             linkage_wb: linkage(design, level, w),
             force_n: force::by_virtual_work(design, level, w, &locator),
-            force_by_stress_n: force::by_stress(design, level, &locator),
+            force_by_stress_n: match wanted {
+                Wanted::Field => force::by_stress(design, level, &locator),
+                Wanted::Figures | Wanted::Only(_) => f64::NAN,
+            },
             plate_max_t: plates::greatest(design, level, w, &locator),
         };
         Self { figures, profiles }
@@ -96,10 +99,10 @@ impl Figures {
     /// Computes all figures of a solution.
     #[must_use]
     pub fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
-        ProfiledFigures::of(design, level, w).figures
+        ProfiledFigures::of(design, level, w, Wanted::Field).figures
     }
 
-    fn map(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
+    fn map(&self, other: &Self, mut f: impl FnMut(f64, f64) -> f64) -> Self {
         Self {
             centre_t: f(self.centre_t, other.centre_t),
             core_mean_t: f(self.core_mean_t, other.core_mean_t),
@@ -129,6 +132,16 @@ impl Figures {
     #[must_use]
     pub fn greater_of(&self, other: &Self) -> Self {
         self.map(other, f64::max)
+    }
+
+    /// Whether each error is at most its limit; an infinite limit is none.
+    pub(crate) fn is_within(&self, limits: &Self) -> bool {
+        let mut within = true;
+        self.map(limits, |error, limit| {
+            within &= limit == f64::INFINITY || error <= limit;
+            0.0
+        });
+        within
     }
 
     /// All figures multiplied by a factor.

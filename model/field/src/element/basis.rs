@@ -3,6 +3,8 @@
 /// Values and slopes of all basis functions at a point of the triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BasisValues {
+    /// Barycentric coordinates of the point.
+    pub at: [f64; 3],
     /// Values.
     pub values: Vec<f64>,
     /// Derivatives with respect to the second and third barycentric coordinate; the first
@@ -78,7 +80,7 @@ impl Basis {
             let by_first = a.1 * b.0 * c.0;
             slopes.push([a.0 * b.1 * c.0 - by_first, a.0 * b.0 * c.1 - by_first]);
         }
-        BasisValues { values, slopes }
+        BasisValues { at, values, slopes }
     }
 }
 

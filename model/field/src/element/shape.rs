@@ -73,6 +73,21 @@ impl Placed {
                 m[axis][1] += node[axis] * slope[1];
             }
         }
+        self.fill_gradients(m, sample);
+    }
+
+    /// Like [`Placed::fill`], for a triangle with straight edges.
+    pub fn fill_straight(&mut self, [a, b, c]: [Point; 3], sample: &BasisValues) {
+        self.point = [0, 1].map(|axis: usize| {
+            sample.at[0] * a[axis] + sample.at[1] * b[axis] + sample.at[2] * c[axis]
+        });
+        let m = [0, 1].map(|axis: usize| [b[axis] - a[axis], c[axis] - a[axis]]);
+        self.fill_gradients(m, sample);
+    }
+
+    /// Computes the gradients from the derivatives of the position with respect to the second and
+    /// third barycentric coordinate.
+    fn fill_gradients(&mut self, m: [[f64; 2]; 2], sample: &BasisValues) {
         self.jacobian = m[0][0] * m[1][1] - m[0][1] * m[1][0];
         let inverse = 1.0 / self.jacobian;
         for (gradient, [s, t]) in self.gradients.iter_mut().zip(&sample.slopes) {

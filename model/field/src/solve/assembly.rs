@@ -30,6 +30,9 @@ pub struct Level {
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,
+    /// The two components of a vector for each unknown: its field, or its gradient outside. Apart,
+    /// so that several unknowns are computed at once.
+    vectors: [Vec<f64>; 2],
 }
 
 impl Local {
@@ -38,6 +41,37 @@ impl Local {
         Self {
             residual: vec![0.0; size],
             tangent: vec![0.0; if tangent { size * (size + 1) / 2 } else { 0 }],
+            vectors: [const { Vec::new() }; 2],
+        }
+    }
+
+    fn set_vectors(&mut self, vectors: impl Iterator<Item = [f64; 2]>) {
+        let [first, second] = &mut self.vectors;
+        first.clear();
+        second.clear();
+        for [a, b] in vectors {
+            first.push(a);
+            second.push(b);
+        }
+    }
+
+    /// Adds scale · vᵢᵀ h to the residual and scale · vᵢᵀ D vⱼ to the lower half of the tangent.
+    fn add(&mut self, scale: f64, law: [[f64; 2]; 2], h: [f64; 2]) {
+        let [first, second] = &self.vectors;
+        let mut start = 0;
+        for (i, ((&a, &b), residual)) in
+            first.iter().zip(second).zip(&mut self.residual).enumerate()
+        {
+            *residual += scale * (a * h[0] + b * h[1]);
+            let Some(row) = self.tangent.get_mut(start..=start + i) else {
+                continue;
+            };
+            start += i + 1;
+            let c = scale * (law[0][0] * a + law[0][1] * b);
+            let d = scale * (law[1][0] * a + law[1][1] * b);
+            for ((entry, u), v) in row.iter_mut().zip(first).zip(second) {
+                *entry += c * u + d * v;
+            }
         }
     }
 
@@ -138,16 +172,14 @@ impl Level {
         let mut placed = Placed::new(&self.space.basis);
         for (index, triangle) in self.space.mesh.triangles.iter().enumerate() {
             let region = self.space.mesh.region(triangle);
-            let (Some(nodes), Some(unknowns)) =
-                (self.space.nodes.get(index), self.space.unknowns.get(index))
-            else {
+            let Some(unknowns) = self.space.unknowns.get(index) else {
                 continue;
             };
             if region.exterior || !counts(&region) {
                 continue;
             }
             for (sample, weight) in &self.space.samples {
-                placed.fill(nodes, sample);
+                self.space.place(index, sample, &mut placed);
                 let (value, slope) = combine(w, unknowns, sample, &placed);
                 let r = placed.point[0];
                 visit(&At {
@@ -168,40 +200,38 @@ impl Level {
 
     /// Computes residual and tangent of one triangle at the state `w`.
     pub(super) fn local(&self, index: usize, w: &[f64], placed: &mut Placed, out: &mut Local) {
-        let (Some(triangle), Some(nodes), Some(unknowns)) = (
-            self.space.mesh.triangles.get(index),
-            self.space.nodes.get(index),
-            self.space.unknowns.get(index),
-        ) else {
+        let space = &self.space;
+        let (Some(triangle), Some(unknowns)) =
+            (space.mesh.triangles.get(index), space.unknowns.get(index))
+        else {
             return;
         };
         out.residual.fill(0.0);
         out.tangent.fill(0.0);
-        let exterior = self.space.mesh.region(triangle).exterior;
+        let exterior = space.mesh.region(triangle).exterior;
         let region = triangle.region as usize;
         let current = self.currents_a_per_m2.get(region).copied().unwrap_or(0.0);
-        let mut curls = vec![[0.0; 2]; unknowns.len()];
-        for (sample, weight) in &self.space.samples {
-            placed.fill(nodes, sample);
+        let linear = self.materials.get(region).is_none_or(Material::is_linear);
+        let samples = if linear && space.is_straight(index) {
+            &space.few_samples
+        } else {
+            &space.samples
+        };
+        for (sample, weight) in samples {
+            space.place(index, sample, placed);
             let r = placed.point[0];
             let area = 0.5 * placed.jacobian.abs() * weight;
             let (value, slope) = combine(w, unknowns, sample, placed);
             if exterior {
                 let scale = area * r * r * r / MU_0;
-                add(
-                    out,
-                    scale,
-                    [[1.0, 0.0], [0.0, 1.0]],
-                    slope,
-                    &placed.gradients,
-                );
+                out.set_vectors(placed.gradients.iter().copied());
+                out.add(scale, [[1.0, 0.0], [0.0, 1.0]], slope);
                 continue;
             }
-            for ((curl, gradient), phi) in
-                curls.iter_mut().zip(&placed.gradients).zip(&sample.values)
-            {
-                *curl = [-r * gradient[1], 2.0 * phi + r * gradient[0]];
-            }
+            let curls = placed.gradients.iter().zip(&sample.values);
+            out.set_vectors(
+                curls.map(|(gradient, phi)| [-r * gradient[1], 2.0 * phi + r * gradient[0]]),
+            );
             let b = [
                 -r * slope[1],
                 2.0 * value + r * slope[0] + self.background_t,
@@ -214,9 +244,11 @@ impl Level {
                 law.nu * excess[0],
                 law.nu * excess[1] - self.background_t / MU_0,
             ];
-            add(out, area * r, law.differential(excess), h, &curls);
-            for (residual, phi) in out.residual.iter_mut().zip(&sample.values) {
-                *residual -= area * r * r * current * phi;
+            out.add(area * r, law.differential(excess), h);
+            if current != 0.0 {
+                for (residual, phi) in out.residual.iter_mut().zip(&sample.values) {
+                    *residual -= area * r * r * current * phi;
+                }
             }
         }
     }
@@ -302,19 +334,4 @@ pub(super) fn combine(
         slope[1] += w * gradient[1];
     }
     (value, slope)
-}
-
-/// Adds scale · vᵢᵀ h to the residual and scale · vᵢᵀ D vⱼ to the lower half of the tangent.
-fn add(out: &mut Local, scale: f64, law: [[f64; 2]; 2], h: [f64; 2], vectors: &[[f64; 2]]) {
-    let mut entries = out.tangent.iter_mut();
-    for ((i, v), residual) in vectors.iter().enumerate().zip(&mut out.residual) {
-        *residual += scale * (v[0] * h[0] + v[1] * h[1]);
-        let dv = [
-            scale * (law[0][0] * v[0] + law[0][1] * v[1]),
-            scale * (law[1][0] * v[0] + law[1][1] * v[1]),
-        ];
-        for (u, entry) in vectors.iter().take(i + 1).zip(&mut entries) {
-            *entry += dv[0] * u[0] + dv[1] * u[1];
-        }
-    }
 }

@@ -171,7 +171,11 @@ impl<'l> Locator<'l> {
         for &number in cell {
             let number = number as usize;
             let nodes = self.level.space.nodes.get(number)?;
-            let at = invert(&self.level.space.basis, nodes, point);
+            let at = if self.level.space.is_straight(number) {
+                straight(nodes, point)
+            } else {
+                invert(&self.level.space.basis, nodes, point)
+            };
             let inside = at.iter().copied().fold(f64::INFINITY, f64::min);
             if inside.is_finite() && best.is_none_or(|(known, _, _)| inside > known) {
                 best = Some((inside, number, at));

@@ -5,9 +5,11 @@ use std::collections::HashMap;
 use super::cholesky::Element;
 use crate::element::Basis;
 use crate::element::basis::BasisValues;
+use crate::element::shape::Placed;
 use crate::element::{quadrature, shape};
 use crate::geometry::Point;
-use crate::mesh::{Mesh, ascending};
+use crate::geometry::path::PathCurve;
+use crate::mesh::{Mesh, Triangle, ascending};
 
 /// A mesh with an element order: its unknowns, and data that every integral uses.
 #[derive(Clone, Debug)]
@@ -22,8 +24,12 @@ pub struct Space {
     pub count: usize,
     /// Positions of the nodes of each triangle.
     pub nodes: Vec<Vec<Point>>,
+    /// Whether all edges of each triangle are straight.
+    pub(super) straight: Vec<bool>,
     /// Points of integration, with weights for a triangle of area 1.
     pub samples: Vec<(BasisValues, f64)>,
+    /// As few points of integration as are exact for straight triangles of linear material.
+    pub(super) few_samples: Vec<(BasisValues, f64)>,
 }
 
 impl Space {
@@ -58,20 +64,49 @@ impl Space {
             .iter()
             .map(|t| shape::nodes(&mesh, t, &basis))
             .collect();
-        // Exact for straight triangles of linear material, whose integrand is of degree 2p + 1;
-        // plus one point for curved triangles and for ν(B).
-        let samples = quadrature::triangle(basis.order() as usize + 2)
-            .into_iter()
-            .map(|(at, weight)| (basis.sample(at), weight))
-            .collect();
+        let is_straight = |triangle: &Triangle| {
+            let mut edges = triangle.edges().into_iter();
+            edges.all(|edge| mesh.curve(edge) == PathCurve::Line)
+        };
+        let straight = mesh.triangles.iter().map(is_straight).collect();
+        let samples = |count: usize| -> Vec<(BasisValues, f64)> {
+            let points = quadrature::triangle(count).into_iter();
+            points
+                .map(|(at, weight)| (basis.sample(at), weight))
+                .collect()
+        };
+        // In a straight triangle of linear material the integrand is of degree 2p + 1. One point
+        // more for curved triangles and for ν(B).
+        let order = basis.order() as usize;
+        let (few_samples, samples) = (samples(order + 1), samples(order + 2));
         Self {
             mesh,
             basis,
             unknowns,
             count,
             nodes,
+            straight,
             samples,
+            few_samples,
         }
+    }
+
+    /// Places a sampled point in a triangle.
+    pub(super) fn place(&self, triangle: usize, sample: &BasisValues, placed: &mut Placed) {
+        let Some(nodes) = self.nodes.get(triangle) else {
+            return;
+        };
+        match nodes[..] {
+            [a, b, c, ..] if self.is_straight(triangle) => {
+                placed.fill_straight([a, b, c], sample);
+            }
+            _ => placed.fill(nodes, sample),
+        }
+    }
+
+    /// Whether all edges of a triangle are straight.
+    pub(super) fn is_straight(&self, triangle: usize) -> bool {
+        self.straight.get(triangle).is_some_and(|straight| *straight)
     }
 
     /// A triangle as an element for the elimination.

@@ -17,12 +17,12 @@ use super::accuracy::Accuracy;
 use super::adapt::{Solved, transfer};
 use super::assembly::Level;
 use super::excitation::Excitation;
-use super::indicator::{jumps_of_change, jumps_without, mark};
+use super::indicator::{jumps_of_change, jumps_without, refined};
 use super::newton::{SolveError, dot};
 use super::small_signal::response;
 use super::space::Space;
 use crate::design::Design;
-use crate::mesh::{self, Mesh, MeshLines};
+use crate::mesh::{self, MeshLines};
 use region::is_solid;
 use system::System;
 
@@ -85,13 +85,6 @@ const MEMORY: f64 = 0.5;
 /// Smallest number of meshes, since a single change may be too small by chance: for the sensing
 /// coil above design A the first change was a tenth of the error.
 const LEAST_MESHES: usize = 3;
-/// Smallest ratio of the numbers of triangles of successive meshes: if a mesh is hardly finer, a
-/// small change says little about the error.
-const GROWTH: f64 = 1.3;
-/// Score of each half of a halved triangle, relative to the score of the whole: the true ratio is a
-/// sixteenth in smooth fields with cubic polynomials, and a half at singular corners.
-const HALVED: f64 = 0.25;
-
 /// Solves for alternating currents in some coils of a design, about a solved constant field or
 /// about no field. [`Accuracy::relative`] applies to each coil's L and R.
 ///
@@ -135,34 +128,10 @@ pub fn solve_ac(
             }
         }
         last = Some(now);
-        let (finer, parents) = refined(&level.space.mesh, scores);
+        let (finer, parents) = refined(&level.space.mesh, scores, SHARE);
         space = Space::new(finer, level.space.basis.order());
         state = transfer(&level.space, &state, &space, &parents);
     }
-}
-
-/// Returns a mesh with [`GROWTH`] times as many triangles, finer where the scores are high, and for
-/// each of its triangles the index of the old triangle that contains it.
-fn refined(mesh: &Mesh, mut scores: Vec<f64>) -> (Mesh, Vec<usize>) {
-    let mut finer = mesh.clone();
-    let mut parents: Vec<usize> = (0..mesh.triangles.len()).collect();
-    while (finer.triangles.len() as f64) < GROWTH * mesh.triangles.len() as f64 {
-        let halved = finer.refine(&mark(&scores, SHARE));
-        if halved.len() == scores.len() {
-            // All scores are 0: there is no field.
-            break;
-        }
-        // The pieces of one old triangle are adjacent.
-        let parts = halved.chunk_by(|a, b| a == b);
-        (scores, parents) = parts
-            .zip(scores.iter().zip(&parents))
-            .flat_map(|(parts, (score, &parent))| {
-                let score = score * HALVED.powf(f64::from(parts.len().ilog2()));
-                parts.iter().map(move |_| (score, parent))
-            })
-            .unzip();
-    }
-    (finer, parents)
 }
 
 /// The constant field about which materials are linearised.
