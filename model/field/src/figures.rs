@@ -7,9 +7,10 @@ use crate::force;
 use crate::geometry::length;
 use crate::mesh::{Region, Zone};
 use crate::plates;
-use crate::solve::{Level, Locator, Wanted};
+use crate::solve::{Figure, Level, Locator, Wanted};
 
-/// Figures of merit of a field. The type is also used for errors and changes of the figures.
+/// Figures of merit of a field. The type is also used for errors and changes of the figures. A
+/// figure that was not wanted may be NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Figures {
     /// B_x at the middle of the core, T.
@@ -54,28 +55,43 @@ impl ProfiledFigures {
         let middle = core.middle_m();
         let (core_mean_t, cv) = homogeneity(level, w);
         let share = |step: u32| f64::from(step) / f64::from(STEPS);
-        let axial = (0..=STEPS).map(|step| {
+        let axial = |step| {
             let x = core.x_m[0] + share(step) * (core.x_m[1] - core.x_m[0]);
             locator.at([0.0, inward(x, core.x_m)]).size()
-        });
-        let radial = (0..=STEPS).map(|step| {
+        };
+        let radial = |step| {
             let r = share(step) * core.r_m;
             locator.at([inward(r, [0.0, core.r_m]), middle]).size()
-        });
-        let profiles = [over_mean(axial.collect()), over_mean(radial.collect())];
+        };
+        let profile = |figure, at: &dyn Fn(u32) -> f64| match wanted.has(figure) {
+            true => over_mean((0..=STEPS).map(at).collect()),
+            false => Vec::new(),
+        };
+        let profiles = [
+            profile(Figure::AxialPp, &axial),
+            profile(Figure::RadialPp, &radial),
+        ];
+        let of = |figure, compute: &dyn Fn() -> f64| match wanted.has(figure) {
+            true => compute(),
+            false => f64::NAN,
+        };
         let figures = Figures {
             centre_t: locator.at([0.0, middle]).b[1],
             core_mean_t,
             cv,
-            axial_pp: peak_to_peak(&profiles[0]),
-            radial_pp: peak_to_peak(&profiles[1]),
+            axial_pp: of(Figure::AxialPp, &|| peak_to_peak(&profiles[0])),
+            radial_pp: of(Figure::RadialPp, &|| peak_to_peak(&profiles[1])),
             linkage_wb: linkage(design, level, w),
-            force_n: force::by_virtual_work(design, level, w, &locator),
+            force_n: of(Figure::Force, &|| {
+                force::by_virtual_work(design, level, w, &locator)
+            }),
             force_by_stress_n: match wanted {
                 Wanted::Field => force::by_stress(design, level, &locator),
                 Wanted::Figures | Wanted::Only(_) => f64::NAN,
             },
-            plate_max_t: plates::greatest(design, level, w, &locator),
+            plate_max_t: of(Figure::PlateMax, &|| {
+                plates::greatest(design, level, w, &locator)
+            }),
         };
         Self { figures, profiles }
     }

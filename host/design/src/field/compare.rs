@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::drive::Drive;
 use super::input::{Effort, current, parse, say_files, text_of};
-use super::quantities::{KeyedFigures, QUANTITIES, Quantity};
+use super::quantities::{Asked, KeyedFigures, QUANTITIES, Quantity};
 use super::solve::SolvedFigures;
 
 /// Compare designs
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         drive => Ok(drive),
     };
     let solve = |design: &Design| {
-        let solved = SolvedFigures::solve(design, drive(design)?, &arguments.effort)?;
+        let solved = SolvedFigures::solve(design, drive(design)?, &arguments.effort, &Asked::default())?;
         Ok(ComparedDesign {
             design: design.name.clone(),
             resistance_ohm: design.resistance_ohm(),
@@ -106,7 +106,7 @@ fn table(outcomes: &[ComparedDesign]) -> Table {
     let first = ["design".to_owned()].into_iter();
     table.set_header(first.chain(heads).chain(["error".to_owned()]));
     for outcome in outcomes {
-        let KeyedFigures { drive, figures } = &outcome.solved.keyed;
+        let KeyedFigures { drive, figures, .. } = &outcome.solved.keyed;
         let cell = |quantity: &Quantity| {
             let value = quantity.shown(*drive).1 * (quantity.value)(figures);
             if value == 0.0 {
@@ -122,7 +122,8 @@ fn table(outcomes: &[ComparedDesign]) -> Table {
             format!("{value:.digits$}")
         };
         let first = [outcome.design.clone()].into_iter();
-        let error = format!("{:.0e}", outcome.solved.error_estimate);
+        let error = outcome.solved.error_estimate;
+        let error = error.map_or(String::new(), |error| format!("{error:.0e}"));
         table.add_row(first.chain(QUANTITIES.iter().map(cell)).chain([error]));
     }
     for column in table.column_iter_mut().skip(1) {

@@ -2,7 +2,7 @@
 
 use palpate_cli::failure::Failure;
 use palpate_field::design::Design;
-use palpate_field::solve::{Excitation, Solved, solve};
+use palpate_field::solve::{Excitation, Solved, Wanted, solve_for};
 
 use super::input::Effort;
 
@@ -46,14 +46,36 @@ impl Drive {
         Ok(solved)
     }
 
+    /// Solves the field for what is wanted, to the requested accuracy.
+    pub(super) fn solve_for(
+        self,
+        design: &Design,
+        effort: &Effort,
+        wanted: Wanted<'_>,
+    ) -> Result<Solved, Failure> {
+        let solved = self.attempt_for(design, effort, wanted)?;
+        reached(design, &solved)?;
+        Ok(solved)
+    }
+
     /// Solves the field; its accuracy is not checked.
     pub(super) fn attempt(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
+        self.attempt_for(design, effort, Wanted::Field)
+    }
+
+    /// Solves the field for what is wanted; its accuracy is not checked.
+    pub(super) fn attempt_for(
+        self,
+        design: &Design,
+        effort: &Effort,
+        wanted: Wanted<'_>,
+    ) -> Result<Solved, Failure> {
         let excitation = match self {
             Self::PerAmpere => Excitation::small(design, 1.0),
             Self::Current(current_a) => Excitation::saturating(design, current_a),
             Self::Background => Excitation::saturating(design, 0.0),
         };
-        field_of(design, &excitation, effort)
+        field_for(design, &excitation, effort, wanted)
     }
 
     /// Suffix of `T` in the unit of a field.
@@ -90,7 +112,17 @@ pub(super) fn field_of(
     excitation: &Excitation,
     effort: &Effort,
 ) -> Result<Solved, Failure> {
-    solve(design, excitation, &effort.accuracy())
+    field_for(design, excitation, effort, Wanted::Field)
+}
+
+/// Solves the field of any excitation for what is wanted; its accuracy is not checked.
+pub(super) fn field_for(
+    design: &Design,
+    excitation: &Excitation,
+    effort: &Effort,
+    wanted: Wanted<'_>,
+) -> Result<Solved, Failure> {
+    solve_for(design, excitation, &effort.accuracy(), wanted)
         .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
 }
 
@@ -110,7 +142,7 @@ pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use palpate_field::design::builtin;
-    use palpate_field::solve::Accuracy;
+    use palpate_field::solve::{Accuracy, solve};
 
     use super::*;
 

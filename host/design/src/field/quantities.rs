@@ -1,12 +1,17 @@
 //! The printed figures of a field, with keys, labels and units in one place.
 
+use clap::Args;
 use palpate_field::figures::Figures;
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use palpate_field::solve::{Figure, Wanted};
+use serde::ser::{Serialize, Serializer};
 
 use super::drive::Drive;
 
 /// A printed figure.
 pub(super) struct Quantity {
+    figure: Figure,
+    /// Name in `--figures`.
+    pub(super) name: &'static str,
     /// Label.
     label: &'static str,
     /// Short label of the figure, for column heads.
@@ -58,12 +63,15 @@ impl Quantity {
 
 /// Creates a dimensionless share, independent of the current.
 const fn share(
+    figure: Figure,
     label: &'static str,
     head: &'static str,
     key: &'static str,
     value: fn(&Figures) -> f64,
 ) -> Quantity {
     Quantity {
+        figure,
+        name: key,
         label,
         head,
         called_per_ampere: None,
@@ -78,6 +86,8 @@ const fn share(
 /// All printed figures, in order.
 pub(super) const QUANTITIES: [Quantity; 10] = [
     Quantity {
+        figure: Figure::Centre,
+        name: "centre",
         label: "field in the centre",
         head: "centre",
         called_per_ampere: None,
@@ -88,6 +98,8 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         value: |f| f.centre_t,
     },
     Quantity {
+        figure: Figure::CoreMean,
+        name: "core_mean",
         label: "mean over the core",
         head: "core mean",
         called_per_ampere: None,
@@ -97,16 +109,18 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         shown: ("mT", 1e3),
         value: |f| f.core_mean_t,
     },
-    share("std/mean, r8", "cv r8", "cv_r8", |f| f.cv[0]),
-    share("std/mean, r6", "cv r6", "cv_r6", |f| f.cv[1]),
-    share("std/mean, r4", "cv r4", "cv_r4", |f| f.cv[2]),
-    share("peak to peak, axial", "axial pp", "axial_pp", |f| {
+    share(Figure::CvWhole, "std/mean, r8", "cv r8", "cv_r8", |f| f.cv[0]),
+    share(Figure::CvThreeQuarters, "std/mean, r6", "cv r6", "cv_r6", |f| f.cv[1]),
+    share(Figure::CvHalf, "std/mean, r4", "cv r4", "cv_r4", |f| f.cv[2]),
+    share(Figure::AxialPp, "peak to peak, axial", "axial pp", "axial_pp", |f| {
         f.axial_pp
     }),
-    share("peak to peak, radial", "radial pp", "radial_pp", |f| {
+    share(Figure::RadialPp, "peak to peak, radial", "radial pp", "radial_pp", |f| {
         f.radial_pp
     }),
     Quantity {
+        figure: Figure::Linkage,
+        name: "linkage",
         label: "flux linkage",
         head: "linkage",
         called_per_ampere: Some(["inductance L", "L"]),
@@ -117,6 +131,8 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         value: |f| f.linkage_wb,
     },
     Quantity {
+        figure: Figure::Force,
+        name: "force",
         label: "attraction of the halves",
         head: "force",
         called_per_ampere: None,
@@ -127,6 +143,8 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         value: |f| f.force_n,
     },
     Quantity {
+        figure: Figure::PlateMax,
+        name: "plate_max",
         label: "greatest in the plates",
         head: "plates",
         called_per_ampere: None,
@@ -138,23 +156,64 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
     },
 ];
 
+/// Figures to compute.
+#[derive(Args, Clone, Debug, Default)]
+pub(super) struct Asked {
+    /// Only these figures, which takes less time: centre, core_mean, cv_r8, cv_r6, cv_r4, axial_pp,
+    /// radial_pp, linkage, force, plate_max
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = figure)]
+    figures: Vec<Figure>,
+}
+
+fn figure(text: &str) -> Result<Figure, String> {
+    let named = QUANTITIES.iter().find(|quantity| quantity.name == text);
+    named.map(|quantity| quantity.figure).ok_or_else(|| {
+        let names = QUANTITIES.map(|quantity| quantity.name);
+        format!("allowed: {}", names.join(", "))
+    })
+}
+
+impl Asked {
+    /// What a solution has to be accurate for.
+    pub(super) fn wanted(&self) -> Wanted<'_> {
+        if self.figures.is_empty() {
+            Wanted::Figures
+        } else {
+            Wanted::Only(&self.figures)
+        }
+    }
+
+    /// The figures asked for, in the order of printing.
+    pub(super) fn quantities(&self) -> impl Iterator<Item = &'static Quantity> + Clone {
+        let asked = QUANTITIES.iter().filter(|quantity| self.has(quantity.figure));
+        asked.collect::<Vec<_>>().into_iter()
+    }
+
+    /// Whether a figure is asked for.
+    pub(super) fn has(&self, figure: Figure) -> bool {
+        self.figures.is_empty() || self.figures.contains(&figure)
+    }
+}
+
 /// Derivatives of the figures by the current, serialised under their keys.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct KeyedDerivatives(pub(super) Figures);
+#[derive(Clone, Debug)]
+pub(super) struct KeyedDerivatives {
+    pub(super) asked: Asked,
+    pub(super) figures: Figures,
+}
 
 impl Serialize for KeyedDerivatives {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(QUANTITIES.len()))?;
-        for quantity in &QUANTITIES {
-            map.serialize_entry(&quantity.derivative_key(), &(quantity.value)(&self.0))?;
-        }
-        map.end()
+        serializer.collect_map(self.asked.quantities().map(|quantity| {
+            (quantity.derivative_key(), (quantity.value)(&self.figures))
+        }))
     }
 }
 
 /// Figures or their errors, serialised under their keys.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct KeyedFigures {
+    pub(super) asked: Asked,
     /// Drive of the field.
     pub(super) drive: Drive,
     /// Values in SI units.
@@ -163,10 +222,8 @@ pub(super) struct KeyedFigures {
 
 impl Serialize for KeyedFigures {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(QUANTITIES.len()))?;
-        for quantity in &QUANTITIES {
-            map.serialize_entry(quantity.key(self.drive), &(quantity.value)(&self.figures))?;
-        }
-        map.end()
+        serializer.collect_map(self.asked.quantities().map(|quantity| {
+            (quantity.key(self.drive), (quantity.value)(&self.figures))
+        }))
     }
 }

@@ -6,11 +6,11 @@ use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_field::design::vary;
 use palpate_field::layer::Elastomer;
-use palpate_field::solve::Excitation;
+use palpate_field::solve::{Excitation, Figure, Wanted};
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Goal, Limits, Score};
-use super::drive::{Drive, field_of, reached};
+use super::drive::{Drive, field_for, reached};
 use super::input::{DesignSource, Effort, parse, say_files, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
@@ -53,6 +53,14 @@ impl SearchArguments {
     }
 }
 
+/// Figures on which goals and limits depend.
+pub(super) const JUDGED: Wanted<'_> = Wanted::Only(&[
+    Figure::CoreMean,
+    Figure::CvWhole,
+    Figure::Linkage,
+    Figure::Force,
+    Figure::PlateMax,
+]);
 /// First step of a search from any point, as a share of the range between the bounds of a number.
 pub(super) const FAR: f64 = 0.25;
 /// First step of a search that starts near the optimum, as a share of the range between the bounds
@@ -151,13 +159,10 @@ impl Search<'_> {
         };
         let saturating = Drive::of(&design, Some(current_a))?;
         let solved = if self.linear {
-            field_of(
-                &design,
-                &Excitation::small(&design, current_a),
-                &self.effort,
-            )?
+            let excitation = Excitation::small(&design, current_a);
+            field_for(&design, &excitation, &self.effort, JUDGED)?
         } else {
-            saturating.attempt(&design, &self.effort)?
+            saturating.attempt_for(&design, &self.effort, JUDGED)?
         };
         reached(&design, &solved)?;
         let SearchArguments { goal, limits, .. } = self.arguments;

@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::drive::{Drive, reached};
 use super::input::{DesignSource, Effort, current, sharpened};
 use super::profile;
+use super::quantities::Asked;
 use super::solve::SolvedFigures;
 
 /// A solved design.
@@ -57,7 +58,7 @@ impl Solution {
     /// # Errors
     /// If the derivatives by the current cannot be computed.
     pub fn figures(&self) -> Result<impl Serialize + use<>, Failure> {
-        SolvedFigures::of(&self.design, &self.solved, self.drive)
+        SolvedFigures::of(&self.design, &self.solved, self.drive, &Asked::default())
     }
 
     /// Field along a line, refined there: positions, m, and flux densities. `along` is `axis`,

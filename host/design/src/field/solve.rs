@@ -7,7 +7,7 @@ use palpate_cli::failure::Failure;
 use palpate_cli::notice::printable;
 use palpate_field::design::Design;
 use palpate_field::figures::Figures;
-use palpate_field::solve::{SolveReport, Solved};
+use palpate_field::solve::{Figure, SolveReport, Solved};
 use serde::Serialize;
 
 use super::drive::{Drive, reached};
@@ -15,7 +15,7 @@ use super::forces::{self, PartForce};
 use super::inductances::InductanceMatrix;
 use super::input::{DesignSource, Effort, current};
 use super::magnets::{self, Magnet};
-use super::quantities::{KeyedDerivatives, KeyedFigures, QUANTITIES};
+use super::quantities::{Asked, KeyedDerivatives, KeyedFigures};
 use super::tables::BeyondTable;
 
 /// Solve a design: field, homogeneity, inductance, force, resistance
@@ -40,6 +40,8 @@ Examples:
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
+    #[command(flatten)]
+    asked: Asked,
     /// Solve with saturation at this current too, A
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,
@@ -60,8 +62,10 @@ pub(super) struct Arguments {
 pub(super) struct SolvedFigures {
     #[serde(flatten)]
     pub(super) keyed: KeyedFigures,
-    /// The greater of the relative errors of centre and core mean.
-    pub(super) error_estimate: f64,
+    /// The greater of the relative errors of centre and core mean; `None` unless both are asked
+    /// for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) error_estimate: Option<f64>,
     pub(super) unknowns: usize,
     newton_iterations: usize,
     linear_solves_on_all_meshes: usize,
@@ -83,17 +87,36 @@ fn by_current(design: &Design, solved: &Solved) -> Result<Figures, Failure> {
 }
 
 impl SolvedFigures {
-    pub(super) fn solve(design: &Design, drive: Drive, effort: &Effort) -> Result<Self, Failure> {
-        Self::of(design, &drive.solve(design, effort)?, drive)
+    pub(super) fn solve(
+        design: &Design,
+        drive: Drive,
+        effort: &Effort,
+        asked: &Asked,
+    ) -> Result<Self, Failure> {
+        let solved = drive.solve_for(design, effort, asked.wanted())?;
+        Self::of(design, &solved, drive, asked)
     }
 
     /// Computes the figures of a solved field.
-    pub(super) fn of(design: &Design, solved: &Solved, drive: Drive) -> Result<Self, Failure> {
+    pub(super) fn of(
+        design: &Design,
+        solved: &Solved,
+        drive: Drive,
+        asked: &Asked,
+    ) -> Result<Self, Failure> {
         let derivatives = match drive {
-            Drive::Current(_) => Some(KeyedDerivatives(by_current(design, solved)?)),
+            Drive::Current(_) => Some(KeyedDerivatives {
+                asked: asked.clone(),
+                figures: by_current(design, solved)?,
+            }),
             Drive::PerAmpere | Drive::Background => None,
         };
-        let keyed = |figures: Figures| KeyedFigures { drive, figures };
+        let keyed = |figures: Figures| KeyedFigures {
+            asked: asked.clone(),
+            drive,
+            figures,
+        };
+        let both = asked.has(Figure::Centre) && asked.has(Figure::CoreMean);
         let SolveReport {
             unknowns,
             newton_iterations,
@@ -102,7 +125,7 @@ impl SolvedFigures {
         } = solved.report;
         Ok(Self {
             keyed: keyed(solved.figures),
-            error_estimate: solved.relative_error(),
+            error_estimate: both.then(|| solved.relative_error()),
             unknowns,
             newton_iterations,
             linear_solves_on_all_meshes: linear_solves,
@@ -114,9 +137,13 @@ impl SolvedFigures {
 
     /// Prints one line for each figure, with its estimated error.
     fn explain(&self) -> String {
-        let KeyedFigures { drive, figures } = &self.keyed;
+        let KeyedFigures {
+            asked,
+            drive,
+            figures,
+        } = &self.keyed;
         let mut text = String::new();
-        for quantity in &QUANTITIES {
+        for quantity in asked.quantities() {
             let (unit, scale) = quantity.shown(*drive);
             let [value, error] =
                 [figures, &self.errors.figures].map(|of| scale * (quantity.value)(of));
@@ -128,15 +155,20 @@ impl SolvedFigures {
             let digits = 3 + usize::from(value.abs() < 1.0);
             let slope = self
                 .derivatives
-                .map(|slopes| scale * (quantity.value)(&slopes.0));
+                .as_ref()
+                .map(|slopes| scale * (quantity.value)(&slopes.figures));
             let slope = slope.map_or(String::new(), |slope| format!("  {slope:.4} {unit}/A"));
             text.push_str(&format!(
                 "  {label:<27} {value:>12.digits$} {unit:<7} (+- {error:.1e}){slope}\n"
             ));
         }
+        let error = self.error_estimate;
+        let error = error.map_or(String::new(), |error| {
+            format!("relative error of centre and mean {error:.1e}, with ")
+        });
         text.push_str(&format!(
-            "  relative error of centre and mean {:.1e}, with {} unknowns; linear solves on the last mesh: {}\n",
-            self.error_estimate, self.unknowns, self.newton_iterations
+            "  {error}{} unknowns; linear solves on the last mesh: {}\n",
+            self.unknowns, self.newton_iterations
         ));
         for beyond in &self.beyond_tables {
             text.push_str(&format!("  {beyond}\n"));
@@ -183,21 +215,22 @@ struct CurrentFigures {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load_silently()?;
-    let effort = &arguments.source.effort;
+    let (effort, asked) = (&arguments.source.effort, &arguments.asked);
     let first_drive = Drive::of(&design, None)?;
     let forced = forces::named(&design, &arguments.force)?;
     let current = arguments.current.map(|current_a| {
         let drive = Drive::of(&design, Some(current_a))?;
-        Ok::<_, Failure>((current_a, drive, drive.attempt(&design, effort)?))
+        let solved = drive.attempt_for(&design, effort, asked.wanted())?;
+        Ok::<_, Failure>((current_a, drive, solved))
     });
     let current = current.transpose()?;
-    let first = first_drive.attempt(&design, effort)?;
+    let first = first_drive.attempt_for(&design, effort, asked.wanted())?;
     let outcome = DesignFigures {
         design: design.name.clone(),
         files: design.files.iter().map(ToString::to_string).collect(),
         background_T: design.background_t,
         resistance_ohm: design.resistance_ohm(),
-        first: SolvedFigures::of(&design, &first, first_drive)?,
+        first: SolvedFigures::of(&design, &first, first_drive, asked)?,
         forces: PartForce::all(&forced, &first),
         magnets: Magnet::all(&design, &first),
         inductances: match arguments.matrix {
@@ -209,7 +242,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Some((current_a, drive, solved)) => Some(CurrentFigures {
                 current_A: *current_a,
                 power_W: current_a * current_a * design.resistance_ohm(),
-                solved: SolvedFigures::of(&design, solved, *drive)?,
+                solved: SolvedFigures::of(&design, solved, *drive, asked)?,
                 forces: PartForce::all(&forced, solved),
                 magnets: Magnet::all(&design, solved),
             }),

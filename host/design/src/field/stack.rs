@@ -20,6 +20,7 @@ use serde::Serialize;
 use super::drive::Drive;
 use super::input::{DesignSource, current};
 use super::mse::elastomer;
+use super::search::JUDGED;
 use super::sensing::disturbance;
 use super::tables::BeyondTable;
 
@@ -211,7 +212,8 @@ fn bridge(
     may_be_a_stack(design, peak_a)?;
     let solve = |share: &f64| {
         let current_a = share * peak_a;
-        let solved = Drive::Current(current_a).solve(design, &arguments.source.effort)?;
+        let drive = Drive::Current(current_a);
+        let solved = drive.solve_for(design, &arguments.source.effort, JUDGED)?;
         Ok::<_, Failure>((current_a, solved))
     };
     let solved: Vec<(f64, Solved)> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;

@@ -9,6 +9,7 @@ use palpate_cli::in_order::in_order;
 use palpate_cli::notice::say;
 use palpate_cli::progress::Progress;
 use palpate_field::design::Design;
+use palpate_field::figures::Figures;
 use palpate_simulate::shard::Run;
 use palpate_wire::crc32;
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,7 @@ use serde_json::{Map, Value, json};
 
 use super::drive::Drive;
 use super::input::{DesignSource, current, parse, say_files, text_of};
-use super::quantities::{QUANTITIES, Quantity};
+use super::quantities::{Asked, Quantity};
 use super::rows::RowFile;
 use super::solve::SolvedFigures;
 
@@ -38,6 +39,8 @@ Exit code 1 when every point is refused.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
+    #[command(flatten)]
+    asked: Asked,
     /// A number of the design, its range and how many values
     #[arg(long, required = true, value_name = "PATH=FROM..TO:COUNT", value_parser = axis)]
     vary: Vec<Axis>,
@@ -138,16 +141,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = parse(&name, &text, &[])?;
     say_files(&design);
     let drive = Drive::of(&design, arguments.current)?;
+    let asked = &arguments.asked;
     let heads: Vec<String> = arguments
         .vary
         .iter()
         .map(|axis| axis.path.clone())
         .collect();
-    let heads: Vec<String> = heads.into_iter().chain(columns(drive)).collect();
+    let heads: Vec<String> = heads.into_iter().chain(columns(asked, drive)).collect();
     let varied = |point: usize| varied(&arguments.vary, &settings(point));
     let solve = |point: usize| {
         let outcome = parse(&name, &text, &settings(point)).and_then(|design| {
-            let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
+            let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort, asked)?;
             Ok((design.resistance_ohm(), solved))
         });
         Point {
@@ -252,7 +256,8 @@ fn run_of(arguments: &Arguments, text: &str, design: &Design) -> Result<Run, Fai
     let effort = &arguments.source.effort;
     let accuracy = effort.accuracy();
     let axis = |axis: &Axis| json!([axis.path, axis.from, axis.to, axis.count]);
-    let settings: [(&str, Value); 7] = [
+    let figures = arguments.asked.quantities().map(|quantity| quantity.name);
+    let settings: [(&str, Value); 8] = [
         ("design", json!(design.name)),
         (
             "checksum of the design",
@@ -263,6 +268,7 @@ fn run_of(arguments: &Arguments, text: &str, design: &Design) -> Result<Run, Fai
         ("--accuracy", json!(accuracy.relative)),
         ("--order", json!(accuracy.order)),
         ("--current", json!(arguments.current)),
+        ("--figures", figures.collect()),
     ];
     let settings = settings.map(|(name, value)| (name.to_owned(), value));
     Run::new("field sweep", "point", Map::from_iter(settings), |points| {
@@ -272,13 +278,13 @@ fn run_of(arguments: &Arguments, text: &str, design: &Design) -> Result<Run, Fai
 
 /// Column heads: figures, other results, the estimated error of each figure, and at a current its
 /// derivative.
-fn columns(drive: Drive) -> impl Iterator<Item = String> {
-    let figures = QUANTITIES.iter().map(move |q| q.key(drive).to_owned());
-    let errors = QUANTITIES.iter();
+fn columns(asked: &Asked, drive: Drive) -> impl Iterator<Item = String> {
+    let figures = asked.quantities().map(move |q| q.key(drive).to_owned());
+    let errors = asked.quantities();
     let errors = errors.map(move |q| format!("{}_error", q.key(drive)));
     let rest = ["resistance_ohm", "error_estimate"].map(str::to_owned);
-    let derivatives = QUANTITIES
-        .iter()
+    let derivatives = asked
+        .quantities()
         .filter(move |_| matches!(drive, Drive::Current(_)));
     let derivatives = derivatives.map(Quantity::derivative_key);
     let numbers = figures.chain(rest).chain(errors).chain(derivatives);
@@ -302,14 +308,17 @@ fn row(
 ) -> Vec<String> {
     match outcome {
         Ok((resistance_ohm, solved)) => {
-            let figures = QUANTITIES.iter().map(|q| (q.value)(&solved.keyed.figures));
-            let errors = QUANTITIES.iter().map(|q| (q.value)(&solved.errors.figures));
-            let rest = [*resistance_ohm, solved.error_estimate];
+            let asked = solved.keyed.asked.quantities();
+            let of = |figures: &Figures| -> Vec<f64> {
+                asked.clone().map(|q| (q.value)(figures)).collect()
+            };
+            let rest = [Some(*resistance_ohm), solved.error_estimate];
             let derivatives = solved.derivatives.iter();
-            let derivatives =
-                derivatives.flat_map(|slopes| QUANTITIES.iter().map(|q| (q.value)(&slopes.0)));
-            let numbers = figures.chain(rest).chain(errors).chain(derivatives);
-            row.extend(numbers.map(|number| format!("{number:.9e}")));
+            let derivatives = derivatives.flat_map(|slopes| of(&slopes.figures));
+            let numbers = of(&solved.keyed.figures).into_iter().map(Some).chain(rest);
+            let errors = of(&solved.errors.figures).into_iter().chain(derivatives);
+            let text = |number: Option<f64>| number.map_or(String::new(), |n| format!("{n:.9e}"));
+            row.extend(numbers.chain(errors.map(Some)).map(text));
             row.push(String::new());
         }
         Err(failure) => {

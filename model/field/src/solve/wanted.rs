@@ -41,7 +41,7 @@ pub enum Wanted<'f> {
 
 impl Wanted<'_> {
     /// Whether a figure is printed.
-    pub(super) fn has(&self, figure: Figure) -> bool {
+    pub(crate) fn has(&self, figure: Figure) -> bool {
         match self {
             Self::Field | Self::Figures => true,
             Self::Only(figures) => figures.contains(&figure),
