@@ -45,7 +45,12 @@ pub(crate) struct ProfiledFigures {
     pub(crate) figures: Figures,
     /// |B| along the core's axis and along its radius, each divided by its mean.
     profiles: [Vec<f64>; 2],
+    /// B_x at points of the axis about the centre, T.
+    about_centre_t: Vec<f64>,
 }
+
+/// Distance of the farthest points about the centre, in lengths of the core.
+const ABOUT_CENTRE: f64 = 0.2;
 
 impl ProfiledFigures {
     /// Computes all figures of a solution.
@@ -86,14 +91,22 @@ impl ProfiledFigures {
                 force::by_virtual_work(design, level, w, &locator)
             }),
             force_by_stress_n: match wanted {
-                Wanted::Field => force::by_stress(design, level, &locator),
-                Wanted::Figures | Wanted::Only(_) => f64::NAN,
+                Wanted::Figures => force::by_stress(design, level, &locator),
+                Wanted::Only(_) => f64::NAN,
             },
             plate_max_t: of(Figure::PlateMax, &|| {
                 plates::greatest(design, level, w, &locator)
             }),
         };
-        Self { figures, profiles }
+        let about_centre_t = (-4..=4).map(|step| {
+            let x = middle + 0.25 * f64::from(step) * ABOUT_CENTRE * (core.x_m[1] - core.x_m[0]);
+            locator.at([0.0, x]).b[1]
+        });
+        Self {
+            figures,
+            profiles,
+            about_centre_t: about_centre_t.collect(),
+        }
     }
 
     /// Absolute differences of all figures. For peak-to-peak values it is the largest difference
@@ -109,13 +122,20 @@ impl ProfiledFigures {
             ..self.figures.change_from(&other.figures)
         }
     }
+
+    /// Greatest change of the field about the centre, T. That at the centre itself may vanish by
+    /// chance.
+    pub(crate) fn change_about_centre_t(&self, other: &Self) -> f64 {
+        let both = self.about_centre_t.iter().zip(&other.about_centre_t);
+        both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
 }
 
 impl Figures {
     /// Computes all figures of a solution.
     #[must_use]
     pub fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
-        ProfiledFigures::of(design, level, w, Wanted::Field).figures
+        ProfiledFigures::of(design, level, w, Wanted::Figures).figures
     }
 
     fn map(&self, other: &Self, mut f: impl FnMut(f64, f64) -> f64) -> Self {

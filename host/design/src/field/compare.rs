@@ -65,7 +65,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         drive => Ok(drive),
     };
     let solve = |design: &Design| {
-        let solved = SolvedFigures::solve(design, drive(design)?, &arguments.effort, &Asked::default())?;
+        let solved =
+            SolvedFigures::solve(design, drive(design)?, &arguments.effort, &Asked::default())?;
         Ok(ComparedDesign {
             design: design.name.clone(),
             resistance_ohm: design.resistance_ohm(),

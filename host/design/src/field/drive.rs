@@ -2,7 +2,7 @@
 
 use palpate_cli::failure::Failure;
 use palpate_field::design::Design;
-use palpate_field::solve::{Excitation, Solved, Wanted, solve_for};
+use palpate_field::solve::{Excitation, SolveError, Solved, Wanted, solve, solve_for};
 
 use super::input::Effort;
 
@@ -60,7 +60,7 @@ impl Drive {
 
     /// Solves the field; its accuracy is not checked.
     pub(super) fn attempt(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
-        self.attempt_for(design, effort, Wanted::Field)
+        field_of(design, &self.excitation(design), effort)
     }
 
     /// Solves the field for what is wanted; its accuracy is not checked.
@@ -70,12 +70,15 @@ impl Drive {
         effort: &Effort,
         wanted: Wanted<'_>,
     ) -> Result<Solved, Failure> {
-        let excitation = match self {
+        field_for(design, &self.excitation(design), effort, wanted)
+    }
+
+    fn excitation(self, design: &Design) -> Excitation {
+        match self {
             Self::PerAmpere => Excitation::small(design, 1.0),
             Self::Current(current_a) => Excitation::saturating(design, current_a),
             Self::Background => Excitation::saturating(design, 0.0),
-        };
-        field_for(design, &excitation, effort, wanted)
+        }
     }
 
     /// Suffix of `T` in the unit of a field.
@@ -112,7 +115,7 @@ pub(super) fn field_of(
     excitation: &Excitation,
     effort: &Effort,
 ) -> Result<Solved, Failure> {
-    field_for(design, excitation, effort, Wanted::Field)
+    solve(design, excitation, &effort.accuracy()).map_err(|error| refused(design, &error))
 }
 
 /// Solves the field of any excitation for what is wanted; its accuracy is not checked.
@@ -123,7 +126,11 @@ pub(super) fn field_for(
     wanted: Wanted<'_>,
 ) -> Result<Solved, Failure> {
     solve_for(design, excitation, &effort.accuracy(), wanted)
-        .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
+        .map_err(|error| refused(design, &error))
+}
+
+fn refused(design: &Design, error: &SolveError) -> Failure {
+    Failure::Refused(format!("{}: {error}", design.name))
 }
 
 /// Fails if the accuracy of a field was not reached.
@@ -142,7 +149,7 @@ pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use palpate_field::design::builtin;
-    use palpate_field::solve::{Accuracy, solve};
+    use palpate_field::solve::Accuracy;
 
     use super::*;
 

@@ -109,15 +109,33 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         shown: ("mT", 1e3),
         value: |f| f.core_mean_t,
     },
-    share(Figure::CvWhole, "std/mean, r8", "cv r8", "cv_r8", |f| f.cv[0]),
-    share(Figure::CvThreeQuarters, "std/mean, r6", "cv r6", "cv_r6", |f| f.cv[1]),
-    share(Figure::CvHalf, "std/mean, r4", "cv r4", "cv_r4", |f| f.cv[2]),
-    share(Figure::AxialPp, "peak to peak, axial", "axial pp", "axial_pp", |f| {
-        f.axial_pp
+    share(Figure::CvWhole, "std/mean, r8", "cv r8", "cv_r8", |f| {
+        f.cv[0]
     }),
-    share(Figure::RadialPp, "peak to peak, radial", "radial pp", "radial_pp", |f| {
-        f.radial_pp
+    share(
+        Figure::CvThreeQuarters,
+        "std/mean, r6",
+        "cv r6",
+        "cv_r6",
+        |f| f.cv[1],
+    ),
+    share(Figure::CvHalf, "std/mean, r4", "cv r4", "cv_r4", |f| {
+        f.cv[2]
     }),
+    share(
+        Figure::AxialPp,
+        "peak to peak, axial",
+        "axial pp",
+        "axial_pp",
+        |f| f.axial_pp,
+    ),
+    share(
+        Figure::RadialPp,
+        "peak to peak, radial",
+        "radial pp",
+        "radial_pp",
+        |f| f.radial_pp,
+    ),
     Quantity {
         figure: Figure::Linkage,
         name: "linkage",
@@ -185,7 +203,9 @@ impl Asked {
 
     /// The figures asked for, in the order of printing.
     pub(super) fn quantities(&self) -> impl Iterator<Item = &'static Quantity> + Clone {
-        let asked = QUANTITIES.iter().filter(|quantity| self.has(quantity.figure));
+        let asked = QUANTITIES
+            .iter()
+            .filter(|quantity| self.has(quantity.figure));
         asked.collect::<Vec<_>>().into_iter()
     }
 
@@ -204,9 +224,11 @@ pub(super) struct KeyedDerivatives {
 
 impl Serialize for KeyedDerivatives {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.asked.quantities().map(|quantity| {
-            (quantity.derivative_key(), (quantity.value)(&self.figures))
-        }))
+        serializer.collect_map(
+            self.asked
+                .quantities()
+                .map(|quantity| (quantity.derivative_key(), (quantity.value)(&self.figures))),
+        )
     }
 }
 
@@ -222,8 +244,10 @@ pub(super) struct KeyedFigures {
 
 impl Serialize for KeyedFigures {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.asked.quantities().map(|quantity| {
-            (quantity.key(self.drive), (quantity.value)(&self.figures))
-        }))
+        serializer.collect_map(
+            self.asked
+                .quantities()
+                .map(|quantity| (quantity.key(self.drive), (quantity.value)(&self.figures))),
+        )
     }
 }

@@ -1,20 +1,19 @@
-//! Adaptive solution: solves, estimates the errors and refines the mesh until the requested figures
-//! are accurate.
+//! Adaptive solution: solves, estimates the errors and refines the mesh until the figures settle.
 
 use super::accuracy::Accuracy;
 use super::assembly::Level;
 use super::evaluate::{invert, value_at};
 use super::excitation::Excitation;
-use super::finer::{Finer, raised};
-use super::indicator::refined;
-use super::judge::{axis, axis_is_close, centre_size, estimate, goal, limits, rough, scores};
-use super::newton::{Balanced, Pattern, SolveError, balance};
+use super::indicator::{decay, jumps, mark};
+use super::judge::{
+    Sizes, WEAK, axis, centre_error, centre_size, estimate, goal, plate_peak, rough, scores,
+};
+use super::newton::{Pattern, SolveError, balance};
 use super::space::Space;
 use super::wanted::Wanted;
 use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
-use crate::material::Material;
-use crate::mesh::{self, Mesh};
+use crate::mesh;
 
 /// Report on a solution.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,29 +61,21 @@ impl Solved {
 
 /// At each refinement, triangles are halved that together have this fraction of the total score. A
 /// fraction of one half makes the number of unknowns grow by a factor of about 1.7.
-const SHARE: f64 = 0.6;
+pub(super) const SHARE: f64 = 0.6;
 /// Longest side allowed on the first mesh for triangles at corners where the field is singular,
 /// relative to the radius of the circle that contains all parts (`Mesh::circle`).
-const CORNER_SIZE: f64 = 0.004;
-/// Newton's method ends when its last step is less than the root of the requested accuracy times
-/// this. The remaining error is about the square of the last step, and contained in the estimate.
+pub(super) const CORNER_SIZE: f64 = 0.004;
+/// Newton's method ends when its last step is less than the requested accuracy times this.
 const LAST_STEP: f64 = 0.1;
+/// Limit of the work for the greatest field in the plates, in unknowns times linear solves (5 s).
+/// Halving of triangles for that field ends when the work since the figures settled exceeds both
+/// this limit and the work until then. The built-in designs need up to 4.3e5. If a material has a
+/// knee from a permeability of 6e5 to that of vacuum, a hundred meshes do not find the greatest
+/// field; its estimated error shows that.
+const FOR_PLATES: usize = 500_000;
 
-/// Order of the first elements when figures are wanted: it is often enough for one figure, or for a
-/// search.
-const FIRST_ORDER: u32 = 2;
-/// With lower orders Newton's method ends when its last step is less than this: the next order
-/// changes the field by more than the remaining error.
-const ROUGH_STEP: f64 = 0.03;
-
-/// A solution on one mesh.
-pub(super) struct Step {
-    pub(super) level: Level,
-    pub(super) pattern: Pattern,
-    pub(super) balanced: Balanced,
-}
-
-/// Solves a design, accurately on the axis and in the inner core too ([`Wanted::Field`]).
+/// Solves a design for the field on the axis and in the inner core, and all figures.
+/// [`super::solve_for`] solves for figures alone, in less time.
 ///
 /// # Errors
 /// [`SolveError`] if the design cannot be triangulated or the field does not settle.
@@ -93,155 +84,124 @@ pub fn solve(
     excitation: &Excitation,
     accuracy: &Accuracy,
 ) -> Result<Solved, SolveError> {
-    solve_for(design, excitation, accuracy, Wanted::Field)
-}
-
-/// Solves a design until what is wanted is accurate.
-///
-/// # Errors
-/// As for [`solve`].
-pub fn solve_for(
-    design: &Design,
-    excitation: &Excitation,
-    accuracy: &Accuracy,
-    wanted: Wanted<'_>,
-) -> Result<Solved, SolveError> {
     let mut mesh = mesh::build(design, mesh::MeshLines::WithCore)?;
     mesh.refine_corners(CORNER_SIZE * mesh.circle.radius);
-    let mut solver = Solver {
-        design,
-        excitation,
-        last_step: LAST_STEP * accuracy.relative.sqrt(),
-        linear_solves: 0,
-    };
-    // The field between the figures needs the requested order.
-    let first_order = match wanted {
-        Wanted::Field => accuracy.order,
-        Wanted::Figures | Wanted::Only(_) => FIRST_ORDER.min(accuracy.order),
-    };
-    let mut step = solver.first(mesh, first_order)?;
-    let mut levels = 1;
+    let mut level = Level::new(design, Space::new(mesh, accuracy.order), excitation);
+    let mut guess = vec![0.0; level.space.count];
+    let mut last: Option<ProfiledFigures> = None;
+    let mut changes: Option<Figures> = None;
+    let mut levels = 0;
+    let mut linear_solves = 0;
+    // Work in unknowns times linear solves: `work` until the figures settle, `local_work` on
+    // locally refined meshes afterwards.
+    let (mut work, mut local_work) = (0, 0);
+    let mut refined_locally = false;
+    let mut last_profile: Vec<f64> = Vec::new();
+    let mut axis_settled = false;
     loop {
-        let Step {
-            level, balanced, ..
-        } = &step;
-        let full = 2 * level.space.count > accuracy.most_unknowns;
-        if wanted == Wanted::Field && !full {
-            let marked = rough(design, level, &balanced.w, accuracy.relative);
-            if marked.contains(&true) {
-                let mut mesh = level.space.mesh.clone();
-                let parents = mesh.refine(&marked);
-                step = solver.on(mesh, &parents, &step)?;
-                levels += 1;
-                continue;
+        let pattern = Pattern::of(&level);
+        let balanced = balance(&level, &pattern, guess, LAST_STEP * accuracy.relative)?;
+        levels += 1;
+        linear_solves += balanced.steps;
+        let step_work = level.space.count * balanced.steps;
+        *(if refined_locally {
+            &mut local_work
+        } else {
+            &mut work
+        }) += step_work;
+        let profiled = ProfiledFigures::of(design, &level, &balanced.w, Wanted::Figures);
+        let figures = profiled.figures;
+        let primal = jumps(&level, &balanced.w);
+        let decay = decay(&level.space, &balanced.w);
+        let mut rough = rough(design, &level, &primal, &decay, accuracy.relative, &figures);
+        let plates = plate_peak(
+            design,
+            &level,
+            &balanced.w,
+            figures.plate_max_t,
+            &primal,
+            &decay,
+        );
+        if local_work <= work.max(FOR_PLATES) {
+            for (rough, coarse) in rough.iter_mut().zip(&plates.coarse) {
+                *rough |= coarse;
             }
         }
-        let finer = Finer::of(design, excitation, &step)?;
-        solver.linear_solves += 1;
-        let profiled = ProfiledFigures::of(design, level, &balanced.w, wanted);
-        let finer_profiled = ProfiledFigures::of(design, &finer.level, &finer.w, wanted);
-        let figures = profiled.figures;
-        let errors = estimate(finer_profiled.change_from(&profiled), &figures);
-        let limits = limits(&figures, design, level, excitation, accuracy, wanted);
-        let mut reached = errors.is_within(&limits);
-        if wanted == Wanted::Field {
-            let axes = [axis(level, &balanced.w), axis(&finer.level, &finer.w)];
-            reached &= axis_is_close(axes, accuracy.relative, &figures);
-        }
-        if reached || full {
+        let estimated = last
+            .as_ref()
+            .map(|last| estimate(profiled.change_from(last), &figures, changes));
+        changes = match (changes, estimated) {
+            // If only a few triangles were refined, a small change says little about the error.
+            (Some(before), Some(now)) if refined_locally => Some(now.greater_of(&before)),
+            (_, now) => now,
+        };
+        last = Some(profiled);
+        let errors = changes.map(|mut errors: Figures| {
+            errors.centre_t = errors
+                .centre_t
+                .max(centre_error(design, &level, &primal, &decay));
+            errors.plate_max_t = plates.error_t;
+            errors
+        });
+        let profile = axis(&level, &balanced.w);
+        let steady = profile.iter().zip(&last_profile).all(|(now, before)| {
+            let size = before.abs().max(WEAK * figures.core_mean_t);
+            (now - before).abs() <= accuracy.relative * size
+        });
+        // If the mesh was refined only elsewhere, an unchanged axis does not show that the axis has
+        // settled.
+        axis_settled = if refined_locally {
+            axis_settled && steady
+        } else {
+            steady
+        };
+        last_profile = profile;
+        let sizes = Sizes::of(&figures, design, &level, excitation);
+        let limits = sizes.limits(accuracy.relative);
+        let settled = axis_settled && changes.is_some_and(|e| e.is_within(&limits));
+        let full = 2 * level.space.count > accuracy.most_unknowns;
+        let reached = settled && !rough.contains(&true);
+        if let Some(errors) = errors
+            && (reached || full)
+        {
             let report = SolveReport {
                 unknowns: level.space.count,
                 levels,
                 newton_iterations: balanced.steps,
-                linear_solves: solver.linear_solves,
+                linear_solves,
                 reached,
             };
             return Ok(Solved {
-                level: step.level,
-                w: step.balanced.w,
+                level,
+                w: balanced.w,
                 excitation: excitation.clone(),
                 figures,
                 errors,
                 report,
             });
         }
-        step = if level.space.basis.order() < accuracy.order {
-            solver.raised(finer)?
-        } else {
-            let energy = finer.energy_of_change();
-            let adjoint = finer.energy_of_adjoint(&step, goal);
-            drop(finer);
-            let (mesh, parents) = refined(&level.space.mesh, scores(&energy, &adjoint), SHARE);
-            solver.on(mesh, &parents, &step)?
-        };
-        levels += 1;
-    }
-}
-
-/// A design with its excitation, and what was done for its solution.
-struct Solver<'d> {
-    design: &'d Design,
-    excitation: &'d Excitation,
-    last_step: f64,
-    linear_solves: usize,
-}
-
-impl Solver<'_> {
-    /// Solves on the first mesh. With saturation, solutions of lower orders come first, since most
-    /// steps of Newton's method are then taken with few unknowns.
-    fn first(&mut self, mesh: Mesh, order: u32) -> Result<Step, SolveError> {
-        let level = |order| Level::new(self.design, Space::new(mesh.clone(), order), self.excitation);
-        let last = level(order);
-        let mut guess = vec![0.0; last.space.count];
-        if !last.materials.iter().all(Material::is_linear) {
-            let mut coarse = level(1);
-            let mut w = vec![0.0; coarse.space.count];
-            for order in 1..order {
-                let pattern = Pattern::of(&coarse);
-                let balanced = balance(&coarse, &pattern, w, ROUGH_STEP)?;
-                self.linear_solves += balanced.steps;
-                let next = level(order + 1);
-                w = raised(&coarse.space, &balanced.w, &next.space);
-                coarse = next;
+        refined_locally = settled;
+        let mut marked = rough;
+        if !settled {
+            let dual = pattern.solve(&balanced.factor, &goal(&level));
+            let scores = scores(&level, &balanced.w, &primal, &dual);
+            for (marked, coarse) in marked.iter_mut().zip(mark(&scores, SHARE)) {
+                *marked |= coarse;
             }
-            guess = w;
         }
-        self.step(last, guess)
-    }
-
-    /// Solves on one mesh.
-    fn step(&mut self, level: Level, guess: Vec<f64>) -> Result<Step, SolveError> {
-        let pattern = Pattern::of(&level);
-        let balanced = balance(&level, &pattern, guess, self.last_step)?;
-        self.linear_solves += balanced.steps;
-        Ok(Step {
-            level,
-            pattern,
-            balanced,
-        })
-    }
-
-    /// Continues with the solution of the next order.
-    fn raised(&mut self, finer: Finer) -> Result<Step, SolveError> {
-        let step = finer.into_step(self.last_step)?;
-        self.linear_solves += step.balanced.steps - 1;
-        Ok(step)
-    }
-
-    /// Solves on a refined mesh, given with the triangles of the old mesh that contain those of the
-    /// new one.
-    fn on(&mut self, mesh: Mesh, parents: &[usize], old: &Step) -> Result<Step, SolveError> {
-        let Step {
-            level, balanced, ..
-        } = old;
-        let order = level.space.basis.order();
-        let next = Level::new(self.design, Space::new(mesh, order), self.excitation);
-        let guess = if level.materials.iter().all(Material::is_linear) {
+        let mut finer = level.space.mesh.clone();
+        let parents = finer.refine(&marked);
+        let next = Level::new(design, Space::new(finer, accuracy.order), excitation);
+        guess = if level
+            .materials
+            .iter()
+            .all(crate::material::Material::is_linear)
+        {
             vec![0.0; next.space.count]
         } else {
-            transfer(&level.space, &balanced.w, &next.space, parents)
+            transfer(&level.space, &balanced.w, &next.space, &parents)
         };
-        self.step(next, guess)
+        level = next;
     }
 }
 

@@ -1,11 +1,11 @@
 //! A second solution on the same mesh with elements of the next order: the difference shows the
 //! error of the first solution.
 
-use super::adapt::Step;
 use super::assembly::Level;
 use super::cholesky::Factor;
 use super::excitation::Excitation;
 use super::fixed::Fixed;
+use super::for_figures::Step;
 use super::newton::{Balanced, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
@@ -18,6 +18,8 @@ pub(super) struct Finer {
     pattern: Pattern,
     factor: Factor,
     entries: Vec<f64>,
+    /// The coarser solution in the finer space.
+    pub(super) start: Vec<f64>,
     /// Change of w from the coarser solution.
     change: Vec<f64>,
 }
@@ -46,6 +48,7 @@ impl Finer {
             pattern,
             factor,
             entries,
+            start,
             change,
         })
     }
@@ -127,7 +130,11 @@ pub(super) fn raised(from: &Space, w: &[f64], to: &Space) -> Vec<f64> {
         for (&unknown, weights) in new.iter().zip(&weights) {
             let at = |&old: &u32| w.get(old as usize).copied().unwrap_or(0.0);
             if let Some(entry) = transferred.get_mut(unknown as usize) {
-                *entry = old.iter().zip(weights).map(|(old, weight)| at(old) * weight).sum();
+                *entry = old
+                    .iter()
+                    .zip(weights)
+                    .map(|(old, weight)| at(old) * weight)
+                    .sum();
             }
         }
     }

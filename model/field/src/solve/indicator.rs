@@ -201,7 +201,7 @@ fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
 
 /// Marks the triangles with the largest scores, as many as together have the fraction `share` of
 /// the total.
-fn mark(scores: &[f64], share: f64) -> Vec<bool> {
+pub(super) fn mark(scores: &[f64], share: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     let score = |index: usize| scores.get(index).copied().unwrap_or(0.0);
     order.sort_by(|&a, &b| score(b).total_cmp(&score(a)));

@@ -106,7 +106,9 @@ impl Space {
 
     /// Whether all edges of a triangle are straight.
     pub(super) fn is_straight(&self, triangle: usize) -> bool {
-        self.straight.get(triangle).is_some_and(|straight| *straight)
+        self.straight
+            .get(triangle)
+            .is_some_and(|straight| *straight)
     }
 
     /// A triangle as an element for the elimination.

@@ -25,25 +25,23 @@ pub enum Figure {
     PlateMax,
 }
 
-/// What a solution has to have to the requested accuracy.
+/// Figures that a solution has to have to the requested accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted<'f> {
-    /// The figures of [`Wanted::Figures`] and the field on the axis and in the inner core.
-    Field,
     /// Centre and core mean to the requested accuracy, flux linkage and force to 20 times it, and
     /// the greatest field in the plates to a fifth; the other figures with whatever error follows.
     Figures,
-    /// These figures alone. The limits are those of [`Wanted::Figures`]; the absolute error of a
+    /// These figures alone. Their limits are those of [`Wanted::Figures`]; the absolute error of a
     /// homogeneity is at most 20 times the requested accuracy, that of a peak-to-peak value at most
     /// 100 times.
     Only(&'f [Figure]),
 }
 
 impl Wanted<'_> {
-    /// Whether a figure is printed.
+    /// Whether a figure is wanted.
     pub(crate) fn has(&self, figure: Figure) -> bool {
         match self {
-            Self::Field | Self::Figures => true,
+            Self::Figures => true,
             Self::Only(figures) => figures.contains(&figure),
         }
     }

@@ -1,0 +1,320 @@
+//! Solution for figures alone: on each mesh a second solution with elements of the next order shows
+//! the error of every figure, and the mesh is refined until the wanted ones are accurate.
+
+use super::accuracy::Accuracy;
+use super::adapt::{CORNER_SIZE, SolveReport, Solved, transfer};
+use super::assembly::Level;
+use super::evaluate::Locator;
+use super::excitation::Excitation;
+use super::finer::{Finer, raised};
+use super::indicator::refined;
+use super::judge::{PLATE, SAFETY, Sizes, WIDER, goal, scores_of};
+use super::newton::{Balanced, Pattern, SolveError, balance};
+use super::space::Space;
+use super::wanted::{Figure, Wanted};
+use crate::design::Design;
+use crate::figures::{Figures, ProfiledFigures};
+use crate::material::Material;
+use crate::mesh::{self, Mesh};
+use crate::plates;
+
+/// Order of the first elements: often enough for a single figure, or for a search.
+const FIRST_ORDER: u32 = 2;
+/// Newton's method ends when its last step is less than the root of the requested accuracy times
+/// this. The remaining error is about the square of the last step, and part of the estimate.
+const LAST_STEP: f64 = 0.1;
+/// At each refinement, triangles are halved that together have this fraction of the total score.
+const SHARE: f64 = 0.4;
+/// With lower orders Newton's method ends when its last step is less than this: the next order
+/// changes the field by more than the remaining error.
+const ROUGH_STEP: f64 = 0.03;
+
+/// A solution on one mesh.
+pub(super) struct Step {
+    pub(super) level: Level,
+    pub(super) pattern: Pattern,
+    pub(super) balanced: Balanced,
+}
+
+/// Solves a design until the wanted figures are accurate. [`super::solve`] also makes the field
+/// accurate on the axis and in the inner core.
+///
+/// # Errors
+/// As for [`super::solve`].
+pub fn solve_for(
+    design: &Design,
+    excitation: &Excitation,
+    accuracy: &Accuracy,
+    wanted: Wanted<'_>,
+) -> Result<Solved, SolveError> {
+    let mut mesh = mesh::build(design, mesh::MeshLines::WithCore)?;
+    mesh.refine_corners(CORNER_SIZE * mesh.circle.radius);
+    let mut solver = Solver {
+        design,
+        excitation,
+        last_step: LAST_STEP * accuracy.relative.sqrt(),
+        linear_solves: 0,
+    };
+    let mut step = solver.first(mesh, FIRST_ORDER.min(accuracy.order))?;
+    let mut before: Option<(Figures, f64)> = None;
+    let mut levels = 1;
+    loop {
+        let Step {
+            level, balanced, ..
+        } = &step;
+        let finer = Finer::of(design, excitation, &step)?;
+        solver.linear_solves += 1;
+        let profiled = ProfiledFigures::of(design, level, &balanced.w, wanted);
+        let finer_profiled = ProfiledFigures::of(design, &finer.level, &finer.w, wanted);
+        let figures = profiled.figures;
+        let change = Figures {
+            centre_t: finer_profiled.change_about_centre_t(&profiled),
+            ..finer_profiled.change_from(&profiled)
+        };
+        let mut errors = estimate(change, &figures, before);
+        let plates = PlatePeak::of(design, &finer, wanted);
+        errors.plate_max_t = plates.error_t;
+        let limits = limits(&figures, design, level, excitation, accuracy, wanted);
+        let reached = errors.is_within(&limits);
+        if reached || 2 * level.space.count > accuracy.most_unknowns {
+            let report = SolveReport {
+                unknowns: level.space.count,
+                levels,
+                newton_iterations: balanced.steps,
+                linear_solves: solver.linear_solves,
+                reached,
+            };
+            return Ok(Solved {
+                level: step.level,
+                w: step.balanced.w,
+                excitation: excitation.clone(),
+                figures,
+                errors,
+                report,
+            });
+        }
+        let raises = level.space.basis.order() < accuracy.order;
+        before = Some((
+            errors,
+            if raises {
+                OF_LOWER_ORDER
+            } else {
+                OF_COARSER_MESH
+            },
+        ));
+        step = if raises {
+            solver.raised(finer)?
+        } else {
+            let only_plates = Figures {
+                plate_max_t: f64::INFINITY,
+                ..limits
+            };
+            let (mesh, parents) = if errors.is_within(&only_plates) {
+                let mut mesh = level.space.mesh.clone();
+                let parents = mesh.refine(&plates.coarse);
+                (mesh, parents)
+            } else {
+                let adjoint = finer.energy_of_adjoint(&step, goal);
+                let scores = scores_of(&finer.energy_of_change(), &adjoint);
+                refined(&level.space.mesh, scores, SHARE)
+            };
+            solver.on(mesh, &parents, &step)?
+        };
+        levels += 1;
+    }
+}
+
+/// Fraction of the estimate with elements of the order below that an estimate includes, since a
+/// change may vanish by chance.
+const OF_LOWER_ORDER: f64 = 0.02;
+/// Fraction of the estimate on the coarser mesh that an estimate includes.
+const OF_COARSER_MESH: f64 = 0.1;
+/// Error of a peak-to-peak value over the greatest change of its profile, twice.
+const OF_PROFILE: f64 = 0.8;
+/// Error of the centre over the greatest change of the field about it.
+const OF_CENTRE: f64 = 2.0;
+/// Least relative errors of mean and force, and least error of the homogeneity of the whole
+/// core, as multiples of the relative error of the linkage. The linkage is an energy, whose error has
+/// one sign and is found most surely.
+const LEAST_OF_LINKAGE: f64 = 0.03;
+
+/// Estimated errors: [`SAFETY`] times the change to elements of the next order.
+fn estimate(change: Figures, figures: &Figures, before: Option<(Figures, f64)>) -> Figures {
+    let mut errors = change.scaled(SAFETY);
+    errors.centre_t = OF_CENTRE * change.centre_t;
+    errors.axial_pp = OF_PROFILE * change.axial_pp;
+    errors.radial_pp = OF_PROFILE * change.radial_pp;
+    if let Some((before, share)) = before {
+        errors = errors.greater_of(&before.scaled(share));
+    }
+    let energy = LEAST_OF_LINKAGE * errors.linkage_wb / figures.linkage_wb.abs();
+    // A design without a coil has no flux linkage.
+    if energy.is_finite() {
+        let raise = |error: &mut f64, size: f64| *error = error.max(energy * size.abs());
+        raise(&mut errors.core_mean_t, figures.core_mean_t);
+        raise(&mut errors.cv[0], 1.0);
+        raise(&mut errors.force_n, figures.force_n);
+    }
+    // Corners of metal far from the core change centre and mean alike.
+    let mean = errors.core_mean_t / figures.core_mean_t;
+    if mean.is_finite() {
+        errors.centre_t = errors.centre_t.max(mean * figures.centre_t.abs());
+    }
+    errors
+}
+
+/// Factor by which the error of a peak-to-peak value may exceed the requested accuracy: it is the
+/// difference of two values at points, of which one is at the edge of the core.
+const OF_PEAKS: f64 = 100.0;
+
+/// Allowed errors of the figures; infinite where there is no limit.
+fn limits(
+    figures: &Figures,
+    design: &Design,
+    level: &Level,
+    excitation: &Excitation,
+    accuracy: &Accuracy,
+    wanted: Wanted<'_>,
+) -> Figures {
+    let limits = Sizes::of(figures, design, level, excitation).limits(accuracy.relative);
+    let limit = |figure, limit| {
+        if wanted.has(figure) {
+            limit
+        } else {
+            f64::INFINITY
+        }
+    };
+    // Without a name, these have no limit: at an edge of metal they hardly settle.
+    let share = |figure, factor: f64| match wanted {
+        Wanted::Only(figures) if figures.contains(&figure) => factor * accuracy.relative,
+        Wanted::Only(_) | Wanted::Figures => f64::INFINITY,
+    };
+    Figures {
+        centre_t: limit(Figure::Centre, limits.centre_t),
+        core_mean_t: limit(Figure::CoreMean, limits.core_mean_t),
+        cv: [Figure::CvWhole, Figure::CvThreeQuarters, Figure::CvHalf].map(|cv| share(cv, WIDER)),
+        axial_pp: share(Figure::AxialPp, OF_PEAKS),
+        radial_pp: share(Figure::RadialPp, OF_PEAKS),
+        linkage_wb: limit(Figure::Linkage, limits.linkage_wb),
+        force_n: limit(Figure::Force, limits.force_n),
+        force_by_stress_n: f64::INFINITY,
+        plate_max_t: limit(Figure::PlateMax, PLATE * figures.plate_max_t),
+    }
+}
+
+/// Accuracy of the greatest field in the plates.
+struct PlatePeak {
+    /// Estimated error, T.
+    error_t: f64,
+    /// Whether each triangle may contain a greater field, so that it has to be halved.
+    coarse: Vec<bool>,
+}
+
+/// Least relative error of the greatest field in the plates, by the distance of the sampled points.
+const SAMPLED: f64 = 0.01;
+
+impl PlatePeak {
+    /// Compares the two solutions at the same points.
+    fn of(design: &Design, finer: &Finer, wanted: Wanted<'_>) -> Self {
+        let mut peak = Self {
+            error_t: 0.0,
+            coarse: vec![false; finer.level.space.mesh.triangles.len()],
+        };
+        if !wanted.has(Figure::PlateMax) {
+            return peak;
+        }
+        let sizes = |w: &[f64]| {
+            let mut sizes: Vec<(usize, f64)> = Vec::new();
+            let locator = Locator::new(&finer.level, w);
+            plates::visit(design, &finer.level, w, &locator, |triangle, size_t| {
+                sizes.push((triangle, size_t));
+            });
+            sizes
+        };
+        let sizes = [sizes(&finer.start), sizes(&finer.w)];
+        let greatest_t = sizes[0].iter().map(|(_, size)| *size).fold(0.0, f64::max);
+        peak.error_t = SAMPLED * greatest_t;
+        for (&(triangle, size_t), (_, finer_t)) in sizes[0].iter().zip(&sizes[1]) {
+            let error_t = SAFETY * (size_t - finer_t).abs();
+            let most_t = size_t + error_t;
+            peak.error_t = peak.error_t.max(most_t - greatest_t);
+            if let Some(coarse) = peak.coarse.get_mut(triangle) {
+                *coarse |= most_t - greatest_t > PLATE * greatest_t;
+            }
+        }
+        peak
+    }
+}
+
+/// A design with its excitation, and what was done for its solution.
+struct Solver<'d> {
+    design: &'d Design,
+    excitation: &'d Excitation,
+    last_step: f64,
+    linear_solves: usize,
+}
+
+impl Solver<'_> {
+    /// Solves on the first mesh. With saturation, solutions of lower orders come first, since most
+    /// steps of Newton's method are then taken with few unknowns.
+    fn first(&mut self, mesh: Mesh, order: u32) -> Result<Step, SolveError> {
+        let level = |order| {
+            Level::new(
+                self.design,
+                Space::new(mesh.clone(), order),
+                self.excitation,
+            )
+        };
+        let last = level(order);
+        let mut guess = vec![0.0; last.space.count];
+        if !last.materials.iter().all(Material::is_linear) {
+            let mut coarse = level(1);
+            let mut w = vec![0.0; coarse.space.count];
+            for order in 1..order {
+                let pattern = Pattern::of(&coarse);
+                let balanced = balance(&coarse, &pattern, w, ROUGH_STEP)?;
+                self.linear_solves += balanced.steps;
+                let next = level(order + 1);
+                w = raised(&coarse.space, &balanced.w, &next.space);
+                coarse = next;
+            }
+            guess = w;
+        }
+        self.step(last, guess)
+    }
+
+    /// Solves on one mesh.
+    fn step(&mut self, level: Level, guess: Vec<f64>) -> Result<Step, SolveError> {
+        let pattern = Pattern::of(&level);
+        let balanced = balance(&level, &pattern, guess, self.last_step)?;
+        self.linear_solves += balanced.steps;
+        Ok(Step {
+            level,
+            pattern,
+            balanced,
+        })
+    }
+
+    /// Continues with the solution of the next order.
+    fn raised(&mut self, finer: Finer) -> Result<Step, SolveError> {
+        let step = finer.into_step(self.last_step)?;
+        self.linear_solves += step.balanced.steps - 1;
+        Ok(step)
+    }
+
+    /// Solves on a refined mesh, given with the triangles of the old mesh that contain those of the
+    /// new one.
+    fn on(&mut self, mesh: Mesh, parents: &[usize], old: &Step) -> Result<Step, SolveError> {
+        let Step {
+            level, balanced, ..
+        } = old;
+        let order = level.space.basis.order();
+        let next = Level::new(self.design, Space::new(mesh, order), self.excitation);
+        let guess = if level.materials.iter().all(Material::is_linear) {
+            vec![0.0; next.space.count]
+        } else {
+            transfer(&level.space, &balanced.w, &next.space, parents)
+        };
+        self.step(next, guess)
+    }
+}
