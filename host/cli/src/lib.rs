@@ -16,4 +16,5 @@ pub mod progress;
 pub mod quantity;
 pub mod report;
 pub mod text;
+pub mod touch_map;
 pub mod train_line;

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_sim::mechanics::contact::Contact;
@@ -17,13 +17,17 @@ use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::press::{CLEARANCE_M, Press};
 use crate::report;
 use crate::results::{self, Measured};
+use crate::touch;
 
 /// Press a row of springs on a simulated sensor, and show its estimates
 ///
 /// The sensor is drawn from a stack and calibrated on its own simulated bench at two temperatures, with all
 /// that disturbs both. Driver, procedure and estimator are the firmware's own.
 #[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Arguments<E: EngineChoice> {
+    #[command(subcommand)]
+    other: Option<Other>,
     /// Which sensor of the stack is drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -43,6 +47,12 @@ pub struct Arguments<E: EngineChoice> {
     engine: E,
 }
 
+/// Demonstrations beside the row of springs.
+#[derive(Subcommand)]
+enum Other {
+    Touch(touch::Arguments),
+}
+
 /// Springs, relative to the sensing layer. A rigid block follows them as the last load.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
@@ -51,6 +61,9 @@ const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// # Errors
 /// Refusals and failures, with a remedy.
 pub fn run<E: EngineChoice>(arguments: &Arguments<E>) -> Result<(), Failure> {
+    if let Some(Other::Touch(arguments)) = &arguments.other {
+        return touch::run(arguments);
+    }
     let report = (!arguments.json)
         .then(|| OutputFile::new("--report", &arguments.report))
         .transpose()?;

@@ -10,4 +10,5 @@ mod report;
 pub mod results;
 pub mod scenario;
 pub mod shard;
+pub mod touch;
 pub mod verdict;

@@ -21,7 +21,7 @@ use crate::board::storage;
 /// Calibrate an array of sensing coils from presses with known place, force and tip
 #[derive(Args)]
 #[command(after_help = "\
-DESIGN.toml states coils, layer, bench and indenter, PRESSES.csv a press in each line: x_mm, y_mm, force_n, tip \
+DESIGN.toml states coils, layer, bench and indenter (`palpate demo touch --bench FOLDER` writes one), PRESSES.csv a press in each line: x_mm, y_mm, force_n, tip \
 (pin or ball), tip_radius_mm, and for each coil from the lowest channel its relative change of inductance, reading_0, \
 reading_1 and so on. 30 to 50 presses all over the disc and with several tips are needed. Presses that contradict the \
 others are left out and named.
@@ -97,11 +97,15 @@ const UNIFORM: f64 = 0.288_675;
 impl DesignFile {
     fn read(path: &Path) -> Result<Self, Failure> {
         let text = text::of_file(path)?;
-        let fail = |line, problem| Failure::Input {
+        let fail = |line, problem| {
+            Failure::Input {
             file: path.to_owned(),
             line,
             problem,
-            allowed: "the keys of docs/touch.md, \"On the board\"".to_owned(),
+            allowed: "the keys that `palpate demo touch --bench FOLDER` writes, and [indenter] with radius_at_1_n_mm, \
+                      exponent, uncertainty"
+                .to_owned(),
+        }
         };
         let design: Self = toml::from_str(&text).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);

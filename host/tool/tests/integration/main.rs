@@ -37,5 +37,6 @@ mod serve;
 mod settings;
 mod simulate;
 mod support;
+mod touch;
 mod words;
 mod written_files;
