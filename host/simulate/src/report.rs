@@ -66,6 +66,7 @@ fn section(in_force: &[Record], measured: &Measured) -> Section {
         heading: format!("{}: {}", measured.load, sentence(measured)),
         text: measurement.map_or(Vec::new(), Measurement::text),
         charts: charts::of_measurement(&story, measurement, Some(&truth)),
+        map: None,
     }
 }
 

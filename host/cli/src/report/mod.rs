@@ -2,13 +2,16 @@
 
 pub mod charts;
 mod story;
+mod touches;
 
 use maud::{Markup, PreEscaped, html};
 pub use story::{Measurement, Story};
+pub use touches::section as of_touches;
 
 use crate::failure::Failure;
 use crate::page::document;
 use crate::plot::Chart;
+use crate::touch_map::{self, TouchMap};
 
 /// Content of a report.
 #[derive(Debug)]
@@ -47,6 +50,8 @@ pub struct Section {
     pub text: Vec<String>,
     /// Its charts.
     pub charts: Vec<Chart>,
+    /// Map beside the charts.
+    pub map: Option<TouchMap>,
 }
 
 impl Report {
@@ -84,11 +89,13 @@ impl Report {
 
 fn section(section: &Section) -> Result<Markup, Failure> {
     let charts = drawn(&section.charts)?;
+    let map = section.map.as_ref();
+    let map = map.map(|map| PreEscaped(touch_map::svg(std::slice::from_ref(map))));
     Ok(html! {
         section {
             h2 { (section.heading) }
             @for text in &section.text { p { (text) } }
-            div.charts { (charts) }
+            div.charts { @if let Some(map) = &map { (map) } (charts) }
         }
     })
 }

@@ -1,10 +1,11 @@
 //! Samples and measurements for a report, collected from an instrument's records.
 
 use palpate_wire::Record;
-use palpate_wire::record::{Estimate, LoadPoint, Refusal, Relaxation, Sample};
+use palpate_wire::record::{Estimate, LoadPoint, Refusal, Relaxation, Sample, Touch};
 
 use crate::describe::{limited_by, relaxation};
 use crate::modulus::{DeclaredTip, Evaluated};
+use crate::touch_map::Array;
 use crate::train_line::{Train, TrainLine};
 
 /// Time that the charts show before a measurement's result, s. For a short press it includes the
@@ -20,6 +21,10 @@ pub struct Story {
     pub samples: Vec<(f64, Sample)>,
     /// Measurements in order of time.
     pub measurements: Vec<Measurement>,
+    /// Touches of an array of coils, each with its time, s.
+    pub touches: Vec<(f64, Touch)>,
+    /// The array in force last.
+    pub array: Option<Array>,
     train: Train,
     declared: DeclaredTip,
     /// Largest cause of the next result's interval.
@@ -68,6 +73,11 @@ impl Story {
     pub fn boot(&mut self, in_force: &[Record]) {
         self.train = Train::with(in_force);
         self.declared = DeclaredTip::with(in_force);
+        let chunks = in_force.iter().filter_map(|record| match record {
+            Record::TouchArray(chunk) => Some(chunk),
+            _ => None,
+        });
+        self.array = Array::of_chunks(chunks).or(self.array.take());
     }
 
     /// Takes the next record with its time, s.
@@ -76,6 +86,7 @@ impl Story {
         self.declared.take(&record);
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
+            Record::Touch(touch) => self.touches.push((at_s, touch)),
             Record::UncertaintyBudget(budget) => self.limited_by = Some(limited_by(&budget)),
             Record::Estimate(estimate) => self.ended(at_s, Ok(estimate), line),
             Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None),

@@ -33,6 +33,7 @@ const ASSETS: &[Asset] = assets! {
     "plots.js", SCRIPT, "page/plots.js";
     "readings.js", SCRIPT, "page/readings.js";
     "text.js", SCRIPT, "page/text.js";
+    "touch.js", SCRIPT, "page/touch.js";
     "uPlot.iife.min.js", SCRIPT, "uplot-1.6.32/uPlot.iife.min.js";
     "uPlot.min.css", STYLE, "uplot-1.6.32/uPlot.min.css";
 };

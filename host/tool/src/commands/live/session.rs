@@ -24,12 +24,13 @@ const POLL: Duration = Duration::from_millis(10);
 const QUIET: Duration = Duration::from_secs(3);
 /// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
-/// Parts of the calibration that the line of a train needs, and the tip.
-const PARTS: [Part; 4] = [
+/// Parts of the calibration that the line of a train needs, the tip, and the coils under a touch.
+const PARTS: [Part; 5] = [
     Part::Springs,
     Part::StiffeningCurve,
     Part::Attraction,
     Part::Tip,
+    Part::TouchArray,
 ];
 
 /// A board with its pages.
@@ -145,7 +146,7 @@ impl<'a> LiveSession<'a> {
         Ok(())
     }
 
-    /// Requests the calibration for the line of a train. Its records are processed with the next
+    /// Requests the calibration for the line of a train and for touches. Its records are processed with the next
     /// frames.
     fn ask_for_calibration(&mut self) -> Result<(), Failure> {
         self.link.send_accepted(&Command::GetSettings)?;

@@ -1,5 +1,6 @@
 //! State that a page shows beside the plots.
 
+use palpate_cli::touch_map::Array;
 use palpate_wire::code::Location;
 use palpate_wire::record;
 use serde::Serialize;
@@ -21,6 +22,9 @@ pub(super) struct State<'a> {
     /// Activity of the board, and contact.
     pub(super) doing: Option<&'static str>,
     pub(super) contact: Option<&'static str>,
+    /// Coils under the touches of `known`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) array: Option<&'a Array>,
     /// Active faults with their descriptions.
     pub(super) faults: Vec<Fault>,
     pub(super) calibration: &'a Progress,
@@ -54,6 +58,7 @@ impl<'a> State<'a> {
             title: title.unwrap_or_default(),
             doing: known.state.map(|state| state.meaning().trim()),
             contact: known.contact().map(|contact| contact.meaning().trim()),
+            array: None,
             faults: faults.iter().map(Fault::of).collect(),
             calibration,
             answer,

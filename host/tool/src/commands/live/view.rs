@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use palpate_calibration::session::BenchSample;
 use palpate_cli::failure::Failure;
 use palpate_wire::Record;
+use palpate_wire::command::TouchArray;
 use palpate_wire::record::Fault;
 
 use super::envelope::Envelope;
@@ -13,6 +14,7 @@ use super::measurements::Measurements;
 use super::state::{Answer, Progress, State};
 use crate::board::link::{Arrival, Link};
 use crate::commands::watch::known::Known;
+use palpate_cli::touch_map::Array;
 use palpate_cli::train_line::Train;
 
 /// Interval of sample batches: 30 pictures a second look like continuous motion.
@@ -28,6 +30,9 @@ pub(super) struct View {
     faults: Vec<Fault>,
     train: Train,
     measurements: Measurements,
+    /// Chunks of the array of coils, and what they say once all are there.
+    chunks: Vec<TouchArray>,
+    array: Option<Array>,
     pub(super) calibration: Progress,
     pub(super) answer: Answer,
     envelope: Envelope,
@@ -68,6 +73,8 @@ impl View {
             faults: Vec::new(),
             train: Train::default(),
             measurements: Measurements::default(),
+            chunks: Vec::new(),
+            array: None,
             calibration,
             answer: Answer::default(),
             envelope: Envelope::default(),
@@ -93,9 +100,12 @@ impl View {
             self.faults.clear();
             self.train = Train::default();
             self.measurements.forget_tip();
+            self.chunks.clear();
+            self.array = None;
         }
         match &frame.message {
             Record::Sample(sample) => self.envelope.add(time_s, sample),
+            Record::TouchArray(chunk) => self.take_array(chunk),
             Record::Fault(fault) => {
                 self.faults.retain(|of| of.code != fault.code);
                 self.faults.extend(fault.active.then(|| fault.clone()));
@@ -109,6 +119,15 @@ impl View {
             self.feed.show_measurements(&self.measurements)?;
         }
         Ok(self.known.take(frame))
+    }
+
+    /// Takes a chunk of the array of coils.
+    fn take_array(&mut self, chunk: &TouchArray) {
+        if chunk.first == 0 {
+            self.chunks.clear();
+        }
+        self.chunks.push(chunk.clone());
+        self.array = Array::of_chunks(&self.chunks);
     }
 
     /// Continues the time axis with an instrument on a bench, whose clock shows `device_s`.
@@ -161,7 +180,8 @@ impl View {
     /// Sends the state.
     pub(super) fn show(&mut self) -> Result<(), Failure> {
         self.next_state = Instant::now() + STATE;
-        let state = State::of(&self.known, &self.faults, &self.calibration, &self.answer);
+        let mut state = State::of(&self.known, &self.faults, &self.calibration, &self.answer);
+        state.array = self.array.as_ref();
         self.feed.show(&state)
     }
 }

@@ -2,7 +2,7 @@
 
 use palpate_cli::describe;
 use palpate_cli::failure::Failure;
-use palpate_cli::report::{Measurement, Report, Row, Section, Story, charts};
+use palpate_cli::report::{Measurement, Report, Row, Section, Story, charts, of_touches};
 
 use super::story::RecordingSummary;
 use crate::recording::date;
@@ -31,10 +31,9 @@ pub(super) fn page(recording: &RecordingSummary) -> Result<String, Failure> {
         rows: story.measurements.iter().map(row).collect(),
         summary: none,
         charts: whole.into_iter().flatten().collect(),
-        sections: story
-            .measurements
-            .iter()
-            .map(|of| section(story, of))
+        sections: of_touches(story)
+            .into_iter()
+            .chain(story.measurements.iter().map(|of| section(story, of)))
             .collect(),
     }
     .page()
@@ -96,5 +95,6 @@ fn section(story: &Story, measurement: &Measurement) -> Section {
         },
         text: measurement.text(),
         charts: charts::of_measurement(story, Some(measurement), None),
+        map: None,
     }
 }

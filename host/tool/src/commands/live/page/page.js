@@ -5,9 +5,11 @@ import { connect } from "./connection.js";
 import { Measurements } from "./measurements.js";
 import { LinePlot, TimePlots } from "./plots.js";
 import { Readings } from "./readings.js";
+import { TouchMap } from "./touch.js";
 
 const plots = new TimePlots();
 const line = new LinePlot();
+const touch = new TouchMap();
 const measurements = new Measurements();
 const readings = new Readings((request) => send(request));
 const calibration = new Calibration((request) => send(request));
@@ -20,6 +22,7 @@ const send = connect(
     if (message.skipped) readings.skip(message.skipped);
     if (message.state) {
       readings.show(message.state);
+      touch.show(message.state);
       measurements.show(message.state.time_ms);
       calibration.show(message.state.calibration);
     }
