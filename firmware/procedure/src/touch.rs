@@ -16,7 +16,7 @@ use palpate_wire::{Invalid, Problem};
 
 use crate::answer::{Answer, field};
 use crate::board::BoardInfo;
-use crate::configuration::ActiveArray;
+use crate::configuration::{ActiveArray, Configuration};
 use crate::event::Scan;
 
 /// Number of the disc's radius in an array's calibration.
@@ -167,13 +167,22 @@ pub(crate) struct Touching {
     /// Converters with a scan since the last result: bits 0 and 1.
     scanned: u8,
     track: Track,
+    /// Distance of the present press from the centre, and the stated tolerance, m, if it is beyond that.
+    /// A field, which can be read from memory while flash cannot.
+    pub(crate) off_centre: Option<(f32, f32)>,
 }
 
 impl Touching {
     /// Takes a scan of a converter; returns the result if all converters of the array have one.
     /// `memory`: number of scans over which the rest is averaged.
     #[inline(never)]
-    pub(crate) fn push(&mut self, of: &ActiveArray, scan: &Scan, memory: u16) -> Option<Touch> {
+    pub(crate) fn push(
+        &mut self,
+        configuration: &Configuration,
+        scan: &Scan,
+        memory: u16,
+    ) -> Option<Touch> {
+        let of = configuration.array()?;
         let second = scan.sensor & 1;
         let nibble = |channels: u8| {
             if second == 1 {
@@ -204,7 +213,16 @@ impl Touching {
             return None;
         }
         self.scanned = 0;
-        Some(self.judged(of, memory))
+        Some(self.judged(of, memory, configuration.contact_within_m()))
+    }
+
+    /// Compares the place of a press with the tolerance of the contact; without a place, what was known of
+    /// the press stays.
+    fn compare(&mut self, press: &Press, within_m: Option<f32>) {
+        let distance_m = sqrt(press.x.0 * press.x.0 + press.y.0 * press.y.0);
+        self.off_centre = within_m
+            .filter(|within_m| distance_m > *within_m)
+            .map(|within_m| (distance_m, within_m));
     }
 
     fn read(&mut self, coil: usize, code: Option<u32>) {
@@ -223,7 +241,7 @@ impl Touching {
         });
     }
 
-    fn judged(&mut self, of: &ActiveArray, memory: u16) -> Touch {
+    fn judged(&mut self, of: &ActiveArray, memory: u16, within_m: Option<f32>) -> Touch {
         let coils = of.array.coils();
         let mut all = self.readings;
         all.iter_mut()
@@ -238,7 +256,15 @@ impl Touching {
             self.follow(&all, self.learnt);
             return claiming_nothing(TouchVerdict::Settling);
         }
-        match of.array.track(readings, &of.indenter(), &mut self.track) {
+        let verdict = of.array.track(readings, &of.indenter(), &mut self.track);
+        match &verdict {
+            Verdict::Inside(press)
+            | Verdict::RadiusNotDetermined(press)
+            | Verdict::BeyondArray(press) => self.compare(press, within_m),
+            Verdict::TooSmall => self.off_centre = None,
+            _ => {}
+        }
+        match verdict {
             Verdict::Inside(press) => claimed(TouchVerdict::Inside, &press),
             Verdict::RadiusNotDetermined(press) => Touch {
                 radius_m: None,

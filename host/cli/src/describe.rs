@@ -73,6 +73,7 @@ fn quantity(reason: RefusalReason, value: f32) -> String {
         | RefusalReason::RestMoved => {
             format!("{:.1} µm", value * 1e6)
         }
+        RefusalReason::OffCentre => format!("{:.2} mm", value * 1e3),
         RefusalReason::Unsteady => format!("{:.1} µm/s", value * 1e6),
         RefusalReason::ContactLost | RefusalReason::TimedOut => format!("{value:.3} s"),
         RefusalReason::CurrentOffTarget | RefusalReason::PeakNotReached => format!("{value:.2} A"),

@@ -208,6 +208,12 @@ impl Configuration {
         self.array.as_ref()
     }
 
+    /// Returns the stated tolerance of the contact's place, m; `None` if there is none.
+    pub(crate) fn contact_within_m(&self) -> Option<f32> {
+        let within_m = self.contact.as_ref()?.within_m;
+        (within_m > 0.0).then_some(within_m)
+    }
+
     /// Returns the correction of the current measurement.
     pub(crate) const fn current_correction(&self) -> Option<&CurrentCorrection> {
         self.current_correction.as_ref()

@@ -368,9 +368,9 @@ impl Procedure {
             out.record_of(at, record);
         }
         let memory = deformation::memory(settings) as u16;
-        if let Some(array) = self.configuration.array()
+        if self.configuration.array().is_some()
             && self.can_read_flash()
-            && let Some(touch) = self.touching.push(array, scan, memory)
+            && let Some(touch) = self.touching.push(&self.configuration, scan, memory)
         {
             out.record_of(scan.middle, Record::Touch(touch));
         }

@@ -229,6 +229,10 @@ impl Procedure {
             let (reading, limit) = (metres(moved.reading), metres(moved.limit));
             return self.refuse(Reason::new(RefusalReason::RestMoved, reading, limit), out);
         }
+        if let Some((distance_m, within_m)) = self.touching.off_centre {
+            let reason = RefusalReason::OffCentre;
+            return self.refuse(Reason::new(reason, Some(distance_m), Some(within_m)), out);
+        }
         // The temperature is measured before the train, as at the calibration on the bench.
         let calibrated = match self.configuration.calibrated(self.temperature()) {
             Ok(calibrated) => calibrated,

@@ -1,6 +1,6 @@
 //! Presses on an array of coils.
 
-use crate::support::calibration::{array, array_numbers, settings};
+use crate::support::calibration::{array, array_numbers, calibration, contact, settings};
 use crate::support::{BOOT, Rig, board};
 use ldc161x::{Channel, Reading, Word};
 use palpate_model::touch::{BASE, BY_RADIUS, Coefficients, Profile};
@@ -9,9 +9,9 @@ use palpate_procedure::event::Conversion;
 use palpate_procedure::storage::{StorageOrder, StorageReport, Stored};
 use palpate_procedure::{Action, Duration, Event, Scan};
 use palpate_wire::Command;
-use palpate_wire::code::{StorageState, TouchVerdict};
+use palpate_wire::code::{RefusalReason, State, StorageState, TouchVerdict};
 use palpate_wire::command::Settings;
-use palpate_wire::record::Touch;
+use palpate_wire::record::{Estimate, Refusal, Touch};
 
 /// Code of an untouched coil.
 const AT_REST: f64 = 24_637_172.0;
@@ -168,6 +168,81 @@ fn the_scans_of_two_converters_make_one_result() {
         .unwrap();
     assert_eq!(found.verdict, TouchVerdict::Inside);
     assert!((found.x_m.unwrap() - 1e-3).abs() < 2e-5, "{found:?}");
+}
+
+/// A sensor with a whole calibration, whose array is on the second converter.
+struct Both {
+    rig: Rig,
+    place: Option<[f32; 2]>,
+}
+
+impl Both {
+    /// Armed, with the untouched sensor learnt.
+    fn armed(tolerance: Option<Command>) -> Self {
+        let mut board = board();
+        board.channels = [0b1111, 0b1111];
+        let mut rig = Rig::started_as(board);
+        rig.temperature(25.0);
+        rig.accepted(Command::SetSettings(settings(|_| {})));
+        let mut numbers = array_numbers();
+        numbers[0] = 240.0;
+        let all = calibration(&rig.sensor.clone()).into_iter();
+        all.chain(tolerance)
+            .chain(array(&numbers))
+            .for_each(|of| rig.accepted(of));
+        rig.accepted(Command::Arm);
+        let mut both = Self { rig, place: None };
+        both.scan(1_500);
+        assert_eq!(both.rig.state(), State::Watching);
+        both
+    }
+
+    /// Pairs of scans of both converters.
+    fn scan(&mut self, pairs: usize) {
+        let changes = self.place.map_or([0.0; 4], |[x, y]| pressed(x, y, 0.8));
+        for _ in 0..pairs {
+            self.rig.convert();
+            self.rig.convert_with(|scan| read(scan, 1, changes));
+        }
+    }
+
+    /// Presses at a place and measures; returns the refusals and the number of estimates.
+    fn measured(&mut self, place: [f32; 2]) -> (Vec<Refusal>, usize) {
+        self.rig.records.clear();
+        self.place = Some(place);
+        self.rig.sensor.press(3e-4);
+        self.scan(200);
+        self.rig.accepted(Command::Measure);
+        self.scan(3_000);
+        let found = (self.rig.refusals(), self.rig.all::<Estimate>().len());
+        self.place = None;
+        self.rig.sensor.depth_m = 0.0;
+        self.scan(1_500);
+        found
+    }
+}
+
+#[test]
+fn stiffness_is_refused_off_the_centre_by_more_than_the_stated_tolerance() {
+    // Within 1 mm.
+    let mut both = Both::armed(Some(contact(4e-3, 2e-6)));
+    assert_eq!(both.measured([0.5e-3, -0.6e-3]), (vec![], 1));
+    for (place, distance_m) in [([1.2e-3, 0.9e-3], 1.5e-3), ([-5e-3, 0.0], 5e-3)] {
+        let (refusals, estimates) = both.measured(place);
+        let [refusal] = refusals.as_slice() else {
+            panic!("{refusals:?}");
+        };
+        assert_eq!((refusal.reason, estimates), (RefusalReason::OffCentre, 0));
+        assert!(
+            (refusal.value.unwrap() - distance_m).abs() < 5e-5,
+            "{refusal:?}"
+        );
+        assert_eq!(refusal.limit, Some(1e-3));
+    }
+    // A press in the centre afterwards.
+    assert_eq!(both.measured([0.0, 0.2e-3]), (vec![], 1));
+    let mut without = Both::armed(None);
+    assert_eq!(without.measured([1.2e-3, 0.9e-3]), (vec![], 1));
 }
 
 /// The estimate runs from flash, which cannot be read while it is erased.

@@ -66,5 +66,9 @@ codes! {
         /// shakes in step and less cross-talk than calibrated bend them alike; a lag, play or saturation
         /// of the stiffening bends them the other way (`misfit`). Value and limit: as for `misfit`.
         Relaxes = 25 "relaxes",
+        /// The contact is off the centre by more than the calibration's contact tolerance states. The
+        /// centre is the origin of the places of an array of coils. Value: distance, m; limit: the
+        /// tolerance.
+        OffCentre = 26 "off_centre",
     }
 }
