@@ -4,6 +4,7 @@ use std::path::Path;
 
 use palpate_calibration::touch::Tip;
 use palpate_cli::failure::Failure;
+use palpate_cli::notice::printable;
 use palpate_cli::text;
 use palpate_sim::stack::document::{FileError, TableSection};
 use palpate_sim::stack::quantity::Allowed;
@@ -132,7 +133,7 @@ fn touch(section: &TableSection<'_>) -> Result<TouchPath, FileError> {
         Ok::<_, FileError>(drag.unwrap_or(0.0))
     };
     Ok(TouchPath {
-        name: section.text("name")?,
+        name: printable(&section.text("name")?),
         indenter,
         declared,
         from_m,
