@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::support::{emulated, palpate};
+use crate::support::{emulated, palpate, recording};
 
 fn text(output: std::process::Output) -> String {
     let said = String::from_utf8_lossy(&output.stderr);
@@ -139,4 +139,17 @@ fn a_calibrated_array_is_stored_and_bad_presses_are_refused_by_name() {
     assert_eq!(refused.status.code(), Some(1), "{said}");
     assert!(said.contains("25 presses"), "{said}");
     assert_eq!(exported(folder), array);
+}
+
+#[test]
+fn a_report_of_a_recording_has_its_touches() {
+    let folder = tempfile::tempdir().unwrap();
+    recording(&folder.path().join("press.mcap"));
+    text(palpate(&["report", "press.mcap"], folder.path()));
+    let page = fs::read_to_string(folder.path().join("press.html")).unwrap();
+    assert!(
+        page.contains("Touches: place and force in 2 of 3 scans"),
+        "{page}"
+    );
+    assert_eq!(page.matches("<ellipse").count(), 2);
 }
