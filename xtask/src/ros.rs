@@ -40,7 +40,8 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let at = |folder: &str| text(&installed.join(folder));
     let messages = "ros/palpate_msgs";
     let script = ["-B", "ros/tests/build_messages.py", messages];
-    let make = [&script[..], &[&at("build")?, &at("install")?]].concat();
+    let folders = [at("build")?, at("install")?];
+    let make = [&script[..], &[&folders[0], &folders[1]]].concat();
     workspace.run(&Invocation::new(&python, &make))?;
     let tests = ["-B", "-m", "pytest", "-p", "no:cacheprovider", "ros/tests"];
     let apart = ["--user", "--map-root-user", "--net", "sh", "-c", LOOPBACK];
