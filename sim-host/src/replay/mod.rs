@@ -183,6 +183,9 @@ impl Replay {
             {
                 Pause::Heat
             }
+            Record::Refusal(_) if self.run.as_ref().is_some_and(|run| !run.knows(record)) => {
+                Pause::BegunBefore
+            }
             Record::Settings(settings) if self.change(settings) => Pause::Configuration,
             Record::Acknowledgement(answer) if sets(answer).is_some() => Pause::Configuration,
             _ => return,

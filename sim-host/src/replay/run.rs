@@ -8,7 +8,7 @@ use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Link, Procedure, Scan,
 };
-use palpate_wire::code::{Chip, Mode, Outcome, ResetCause, State};
+use palpate_wire::code::{Chip, Mode, Outcome, RefusalReason, ResetCause, State};
 use palpate_wire::record::{CoilTest, Hello, Sample, StateChange};
 use palpate_wire::{Command, Frame, Header, Message, Record};
 
@@ -122,13 +122,18 @@ impl Run {
         }
     }
 
-    /// Whether touches can be compared; `false` for good once the board may have left out a scan.
+    /// Whether touches, and refusals by their place, can be compared; `false` for good once the board may have left out a scan.
     pub(super) const fn set_knows_rest(&mut self, knows_rest: bool) {
         self.knows_rest = knows_rest;
     }
 
-    pub(super) const fn knows(&self, record: &Record) -> bool {
-        self.knows_rest || !matches!(record, Record::Touch(_))
+    pub(super) fn knows(&self, record: &Record) -> bool {
+        let is_by_touch = match record {
+            Record::Touch(_) => true,
+            Record::Refusal(refusal) => refusal.reason == RefusalReason::OffCentre,
+            _ => false,
+        };
+        self.knows_rest || !is_by_touch
     }
 
     /// Takes the computed record that corresponds to a record of the board.
