@@ -24,7 +24,9 @@ pub(super) fn write(arguments: &Arguments, stack: &Stack, file: &Path) -> Result
     let mut plants: Vec<PlantResult> = Vec::new();
     super::simulate(arguments, stack, |seed, plant| {
         plants.push(plant);
-        super::say(seed, &plants)
+        // The shard is the result: it is written even if the reader of the lines has gone.
+        let _ = super::say(seed, &plants);
+        Ok(())
     })?;
     shard.write(&plants)
 }
