@@ -197,7 +197,10 @@ impl Decays {
     fn over(&mut self, rate: f64, span_s: f64) -> Decay {
         // The golden ratio as a fraction of 2⁶⁴ spreads neighbouring numbers over the places.
         let mixed = (rate.to_bits() ^ span_s.to_bits()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let place = &mut self.0[(mixed >> (u64::BITS - Self::BITS)) as usize];
+        let place = (mixed >> (u64::BITS - Self::BITS)) as usize;
+        let Some(place) = self.0.get_mut(place) else {
+            return Decay::over(rate, span_s);
+        };
         if place.rate != rate || place.span_s != span_s {
             *place = Decay::over(rate, span_s);
         }
