@@ -2,7 +2,7 @@
 //! on the back. Coils that overlap lie on boards of their own, one on the other, and each coil has a tab with two
 //! pads at the rim, where no other board has copper.
 
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
@@ -344,6 +344,8 @@ fn explain(placed: &[Placed], count: usize) -> String {
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::PI;
+
     use super::*;
 
     fn ring(count: u32, distance_m: f64) -> Vec<ArrayCoil> {

@@ -80,6 +80,8 @@ impl Drawing {
 
 /// Play of a tab in its slot, on either side, m.
 const PLAY_M: f64 = 0.25e-3;
+/// Parts that meet by less only touch, m.
+const TOUCH_M: f64 = 1e-6;
 
 /// Parts of iron through which tabs of the boards lead, from above, each with its slots: name and drawing. Layers OUTLINE,
 /// SLOT and NOTE; the note has the heights of the slots.
@@ -89,9 +91,10 @@ pub(super) fn slotted(design: &Design, windings: &[Winding]) -> Vec<(String, Str
         let corners = corners(&part.shape);
         let [r_m, x_m] = [0, 1].map(|axis| ends(corners.iter().map(|corner| corner[axis])));
         let tabs: Vec<Tab> = windings.iter().flat_map(Winding::tabs).collect();
-        let through = tabs.iter().filter(|tab| {
-            tab.r_m[0] < r_m[1] && tab.r_m[1] > r_m[0] && tab.x_m[0] < x_m[1] && tab.x_m[1] > x_m[0]
-        });
+        let meet = |a: [f64; 2], b: [f64; 2]| a[0] < b[1] - TOUCH_M && b[0] < a[1] - TOUCH_M;
+        let through = tabs
+            .iter()
+            .filter(|tab| meet(tab.r_m, r_m) && meet(tab.x_m, x_m));
         let through: Vec<&Tab> = through.collect();
         (!through.is_empty()).then(|| (part.name.clone(), slots(r_m, &through)))
     });
