@@ -324,17 +324,16 @@ fn explain(placed: &[Placed], count: usize) -> String {
         );
     }
     text.push_str("  coils   k of tracks  of circles\n");
-    for first in 0..placed.len() {
-        for second in first + 1..placed.len() {
+    for (index, first) in placed.iter().enumerate() {
+        for (other, second) in placed.iter().enumerate().skip(index + 1) {
             let coupling = |filaments: fn(&Placed) -> &[Filament], henries: &[f64]| {
-                let mutual_h =
-                    filament::mutual_h(filaments(&placed[first]), filaments(&placed[second]));
-                mutual_h / (henries[first] * henries[second]).sqrt()
+                let mutual_h = filament::mutual_h(filaments(first), filaments(second));
+                mutual_h / (henries[index] * henries[other]).sqrt()
             };
             let tracks = coupling(|of| &of.filaments, &of_tracks);
             let circles = coupling(|of| &of.circles, &of_circles);
             if tracks.abs().max(circles.abs()) >= LEAST_COUPLING {
-                let pair = format!("{} {}", first + 1, second + 1);
+                let pair = format!("{} {}", index + 1, other + 1);
                 let _ = writeln!(text, "{pair:>7}{tracks:>14.3}{circles:>12.3}");
             }
         }
