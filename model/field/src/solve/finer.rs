@@ -18,8 +18,6 @@ pub(super) struct Finer {
     pattern: Pattern,
     factor: Factor,
     entries: Vec<f64>,
-    /// The coarser solution in the finer space.
-    pub(super) start: Vec<f64>,
     /// Change of w from the coarser solution.
     change: Vec<f64>,
 }
@@ -48,7 +46,6 @@ impl Finer {
             pattern,
             factor,
             entries,
-            start,
             change,
         })
     }

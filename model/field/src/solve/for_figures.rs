@@ -4,7 +4,6 @@
 use super::accuracy::Accuracy;
 use super::adapt::{CORNER_SIZE, SolveReport, Solved, transfer};
 use super::assembly::Level;
-use super::evaluate::Locator;
 use super::excitation::Excitation;
 use super::finer::{Finer, raised};
 use super::indicator::refined;
@@ -16,7 +15,6 @@ use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
 use crate::material::Material;
 use crate::mesh::{self, Mesh};
-use crate::plates;
 
 /// Order of the first elements: often enough for a single figure, or for a search.
 const FIRST_ORDER: u32 = 2;
@@ -71,9 +69,7 @@ pub fn solve_for(
             centre_t: finer_profiled.change_about_centre_t(&profiled),
             ..finer_profiled.change_from(&profiled)
         };
-        let mut errors = estimate(change, &figures, before);
-        let plates = PlatePeak::of(design, &finer, wanted);
-        errors.plate_max_t = plates.error_t;
+        let errors = estimate(change, &figures, before);
         let limits = limits(&figures, design, level, excitation, accuracy, wanted);
         let reached = errors.is_within(&limits);
         if reached || 2 * level.space.count > accuracy.most_unknowns {
@@ -105,19 +101,10 @@ pub fn solve_for(
         step = if raises {
             solver.raised(finer)?
         } else {
-            let only_plates = Figures {
-                plate_max_t: f64::INFINITY,
-                ..limits
-            };
-            let (mesh, parents) = if errors.is_within(&only_plates) {
-                let mut mesh = level.space.mesh.clone();
-                let parents = mesh.refine(&plates.coarse);
-                (mesh, parents)
-            } else {
-                let adjoint = finer.energy_of_adjoint(&step, goal);
-                let scores = scores_of(&finer.energy_of_change(), &adjoint);
-                refined(&level.space.mesh, scores, SHARE)
-            };
+            let adjoint = finer.energy_of_adjoint(&step, goal);
+            let scores = scores_of(&finer.energy_of_change(), &adjoint);
+            drop(finer);
+            let (mesh, parents) = refined(&level.space.mesh, scores, SHARE);
             solver.on(mesh, &parents, &step)?
         };
         levels += 1;
@@ -133,6 +120,8 @@ const OF_COARSER_MESH: f64 = 0.1;
 const OF_PROFILE: f64 = 0.8;
 /// Error of the centre over the greatest change of the field about it.
 const OF_CENTRE: f64 = 2.0;
+/// Least relative error of the greatest field in the plates, by the distance of sampled points.
+const SAMPLED: f64 = 0.01;
 /// Least relative errors of mean and force, and least error of the homogeneity of the whole
 /// core, as multiples of the relative error of the linkage. The linkage is an energy, whose error has
 /// one sign and is found most surely.
@@ -144,6 +133,9 @@ fn estimate(change: Figures, figures: &Figures, before: Option<(Figures, f64)>) 
     errors.centre_t = OF_CENTRE * change.centre_t;
     errors.axial_pp = OF_PROFILE * change.axial_pp;
     errors.radial_pp = OF_PROFILE * change.radial_pp;
+    // Points of another mesh are elsewhere.
+    let sampled = SAMPLED * figures.plate_max_t;
+    errors.plate_max_t = errors.plate_max_t.max(sampled);
     if let Some((before, share)) = before {
         errors = errors.greater_of(&before.scaled(share));
     }
@@ -199,50 +191,6 @@ fn limits(
         force_n: limit(Figure::Force, limits.force_n),
         force_by_stress_n: f64::INFINITY,
         plate_max_t: limit(Figure::PlateMax, PLATE * figures.plate_max_t),
-    }
-}
-
-/// Accuracy of the greatest field in the plates.
-struct PlatePeak {
-    /// Estimated error, T.
-    error_t: f64,
-    /// Whether each triangle may contain a greater field, so that it has to be halved.
-    coarse: Vec<bool>,
-}
-
-/// Least relative error of the greatest field in the plates, by the distance of the sampled points.
-const SAMPLED: f64 = 0.01;
-
-impl PlatePeak {
-    /// Compares the two solutions at the same points.
-    fn of(design: &Design, finer: &Finer, wanted: Wanted<'_>) -> Self {
-        let mut peak = Self {
-            error_t: 0.0,
-            coarse: vec![false; finer.level.space.mesh.triangles.len()],
-        };
-        if !wanted.has(Figure::PlateMax) {
-            return peak;
-        }
-        let sizes = |w: &[f64]| {
-            let mut sizes: Vec<(usize, f64)> = Vec::new();
-            let locator = Locator::new(&finer.level, w);
-            plates::visit(design, &finer.level, w, &locator, |triangle, size_t| {
-                sizes.push((triangle, size_t));
-            });
-            sizes
-        };
-        let sizes = [sizes(&finer.start), sizes(&finer.w)];
-        let greatest_t = sizes[0].iter().map(|(_, size)| *size).fold(0.0, f64::max);
-        peak.error_t = SAMPLED * greatest_t;
-        for (&(triangle, size_t), (_, finer_t)) in sizes[0].iter().zip(&sizes[1]) {
-            let error_t = SAFETY * (size_t - finer_t).abs();
-            let most_t = size_t + error_t;
-            peak.error_t = peak.error_t.max(most_t - greatest_t);
-            if let Some(coarse) = peak.coarse.get_mut(triangle) {
-                *coarse |= most_t - greatest_t > PLATE * greatest_t;
-            }
-        }
-        peak
     }
 }
 
