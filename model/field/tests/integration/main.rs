@@ -4,6 +4,7 @@ mod arcs;
 mod designs;
 mod dodd_deeds;
 mod drawings;
+mod drawn;
 mod eddy;
 mod exact;
 mod forces;
