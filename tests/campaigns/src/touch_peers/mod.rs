@@ -219,3 +219,23 @@ fn percent(share: f64) -> String {
 fn signed(share: f64) -> String {
     format!("{:+.2} %", 100.0 * share)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_and_pins_are_the_published_ones() {
+        let found: Vec<Difference> = published::all().iter().map(difference).collect();
+        assert!(found.len() > 10);
+        for of in found {
+            let area = of.area.unwrap_or(0.0);
+            assert!(
+                of.force.abs().max(area.abs()) < LIMIT,
+                "{}: {} {area}",
+                of.source,
+                of.force
+            );
+        }
+    }
+}
