@@ -50,8 +50,8 @@ pub(super) struct Sensitivity {
 /// The winding in the domain of wave numbers.
 pub(super) struct Winding {
     design: CoilDesign,
-    /// Wave numbers, 1/m, with S(k) and the rule's weights.
-    waves: Vec<[f64; 3]>,
+    /// Wave numbers, 1/m, with S(k), the mean of e^(ikx) over a track, and the rule's weights.
+    waves: Vec<[f64; 4]>,
 }
 
 impl Winding {
@@ -64,7 +64,8 @@ impl Winding {
             let turns: f64 = design.radii_m().map(|a_m| a_m * libm::j1(k * a_m)).sum();
             // Current over tracks of half a pitch, not in filaments.
             let phase = k * half_track_m;
-            [k, turns * phase.sin() / phase, step_per_m]
+            let track = phase.sin() / phase;
+            [k, turns * track, track, step_per_m]
         };
         Self {
             design,
@@ -87,7 +88,7 @@ impl Winding {
         let terms = self.waves.iter();
         MU_0 * PI
             * terms
-                .map(|[k, s, weight]| weight * s * s * factor(*k))
+                .map(|[k, s, _, weight]| weight * s * s * factor(*k))
                 .sum::<f64>()
     }
 
@@ -106,7 +107,7 @@ impl Winding {
         let amplitudes: Vec<_> = self
             .waves
             .iter()
-            .map(|[k, _, _]| layers.amplitudes(*k))
+            .map(|[k, ..]| layers.amplitudes(*k))
             .collect();
         let mut boundaries: Vec<Boundary> = layers
             .heights_m()
@@ -124,7 +125,7 @@ impl Winding {
             .collect();
         for &(r_m, _) in &rings {
             let mut fields = vec![[0.0; 2]; boundaries.len()];
-            for ([k, s, weight], amplitudes) in self.waves.iter().zip(&amplitudes) {
+            for ([k, s, _, weight], amplitudes) in self.waves.iter().zip(&amplitudes) {
                 let factor = 0.5 * weight * s * k;
                 let (along, across) = (factor * libm::j1(k * r_m), factor * libm::j0(k * r_m));
                 for (field, amplitude) in fields.iter_mut().zip(&amplitudes.boundaries) {
@@ -141,8 +142,8 @@ impl Winding {
         let turn = |a_m: f64| {
             let terms = self.waves.iter().zip(&amplitudes);
             let slope: f64 = terms
-                .map(|([k, s, weight], of)| {
-                    weight * s * k * libm::j1(k * a_m) * (of.from_below - of.from_above)
+                .map(|([k, s, track, weight], of)| {
+                    weight * s * track * k * libm::j1(k * a_m) * (of.from_below - of.from_above)
                 })
                 .sum();
             // Twice the slope of the reflected flux, per downward displacement.

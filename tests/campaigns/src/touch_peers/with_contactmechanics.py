@@ -52,7 +52,8 @@ def substrate(case, cells, side):
 def round_area(force, square, radius, cell):
     """Area up to where the square of the pressure vanishes, from the cells before the rim. Cells that are
     in contact in part count as a whole, by which their sum is too large by two tenths of a cell along the rim."""
-    near = (square > (0.6 * radius) ** 2) & (square < (radius - 1.5 * cell) ** 2)
+    inner = max(0.6 * radius, radius - 12 * cell)
+    near = (square > inner**2) & (square < (radius - 1.5 * cell) ** 2)
     roots = np.roots(np.polyfit(square[near], force[near] ** 2, 2))
     return np.pi * min(roots.real, key=lambda root: abs(root - radius**2))
 
