@@ -267,7 +267,7 @@ mod tests {
         assert!((middle[0] - 0.5 * (path.from_m[0] + path.to_m[0])).abs() < 1e-9);
         assert_eq!(path.at(up_s + 0.1).place_m, path.to_m);
         assert!((depth(up_s + 0.1) - 0.5 * whole).abs() < 1e-9);
-        assert_eq!(path.at(up_s + 0.2), LIFTED);
+        assert_eq!(path.at(up_s + 0.21), LIFTED);
         assert!(path.is_down(1.0) && !path.is_down(0.8) && !path.is_down(up_s + 0.05));
     }
 
