@@ -242,6 +242,11 @@ struct Limited {
 }
 
 impl Limits {
+    /// Whether the greatest field in the plates has a limit.
+    pub(super) const fn has_plates(&self) -> bool {
+        self.most_plate_field.is_some()
+    }
+
     fn of(&self, candidate: &Candidate) -> [Limited; 5] {
         let limited = |name, unit, value, most| Limited {
             name,
@@ -277,6 +282,10 @@ impl Limited {
     }
 
     fn explain(&self) -> String {
+        // A figure without a limit is not computed, if that takes time.
+        if self.value.is_nan() {
+            return String::new();
+        }
         let Self {
             name,
             unit,

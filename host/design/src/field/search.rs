@@ -53,14 +53,21 @@ impl SearchArguments {
     }
 }
 
-/// Figures on which goals and limits depend.
-pub(super) const JUDGED: Wanted<'_> = Wanted::Only(&[
+/// Figures on which goals depend.
+pub(super) const JUDGED: [Figure; 4] = [
+    Figure::CoreMean,
+    Figure::CvWhole,
+    Figure::Linkage,
+    Figure::Force,
+];
+/// Those and the greatest field in the plates, for a limit of it.
+const JUDGED_WITH_PLATES: [Figure; 5] = [
     Figure::CoreMean,
     Figure::CvWhole,
     Figure::Linkage,
     Figure::Force,
     Figure::PlateMax,
-]);
+];
 /// First step of a search from any point, as a share of the range between the bounds of a number.
 pub(super) const FAR: f64 = 0.25;
 /// First step of a search that starts near the optimum, as a share of the range between the bounds
@@ -157,12 +164,16 @@ impl Search<'_> {
             Some(power_w) => (power_w / design.resistance_ohm()).sqrt(),
             None => design.current_a,
         };
+        let wanted = match self.arguments.limits.has_plates() {
+            true => Wanted::Only(&JUDGED_WITH_PLATES),
+            false => Wanted::Only(&JUDGED),
+        };
         let saturating = Drive::of(&design, Some(current_a))?;
         let solved = if self.linear {
             let excitation = Excitation::small(&design, current_a);
-            field_for(&design, &excitation, &self.effort, JUDGED)?
+            field_for(&design, &excitation, &self.effort, wanted)?
         } else {
-            saturating.attempt_for(&design, &self.effort, JUDGED)?
+            saturating.attempt_for(&design, &self.effort, wanted)?
         };
         reached(&design, &solved)?;
         let SearchArguments { goal, limits, .. } = self.arguments;

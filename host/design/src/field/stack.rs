@@ -11,7 +11,7 @@ use palpate_field::design::Design;
 use palpate_field::heat::HeatCapacity;
 use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
 use palpate_field::material::Material;
-use palpate_field::solve::{Locator, Solved};
+use palpate_field::solve::{Locator, Solved, Wanted};
 use palpate_sim::sensing_coil::CoilDesign;
 use palpate_sim::stack::{LoadError, Stack};
 use rayon::prelude::*;
@@ -213,7 +213,7 @@ fn bridge(
     let solve = |share: &f64| {
         let current_a = share * peak_a;
         let drive = Drive::Current(current_a);
-        let solved = drive.solve_for(design, &arguments.source.effort, JUDGED)?;
+        let solved = drive.solve_for(design, &arguments.source.effort, Wanted::Only(&JUDGED))?;
         Ok::<_, Failure>((current_a, solved))
     };
     let solved: Vec<(f64, Solved)> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;

@@ -6,8 +6,8 @@ use super::adapt::{CORNER_SIZE, SolveReport, Solved, transfer};
 use super::assembly::Level;
 use super::excitation::Excitation;
 use super::finer::{Finer, raised};
-use super::indicator::refined;
-use super::judge::{PLATE, SAFETY, Sizes, WIDER, goal, scores_of};
+use super::indicator::{decay, jumps, refined};
+use super::judge::{PLATE, SAFETY, Sizes, WIDER, goal, plate_peak, scores_of};
 use super::newton::{Balanced, Pattern, SolveError, balance};
 use super::space::Space;
 use super::wanted::{Figure, Wanted};
@@ -101,10 +101,25 @@ pub fn solve_for(
         step = if raises {
             solver.raised(finer)?
         } else {
-            let adjoint = finer.energy_of_adjoint(&step, goal);
-            let scores = scores_of(&finer.energy_of_change(), &adjoint);
+            let but_plates = Figures {
+                plate_max_t: f64::INFINITY,
+                ..limits
+            };
+            let at_peak = if errors.is_within(&but_plates) {
+                solver.at_plate_peak(&step, figures.plate_max_t)
+            } else {
+                Vec::new()
+            };
+            let (mesh, parents) = if at_peak.contains(&true) {
+                let mut mesh = level.space.mesh.clone();
+                let parents = mesh.refine(&at_peak);
+                (mesh, parents)
+            } else {
+                let adjoint = finer.energy_of_adjoint(&step, goal);
+                let scores = scores_of(&finer.energy_of_change(), &adjoint);
+                refined(&level.space.mesh, scores, SHARE)
+            };
             drop(finer);
-            let (mesh, parents) = refined(&level.space.mesh, scores, SHARE);
             solver.on(mesh, &parents, &step)?
         };
         levels += 1;
@@ -241,6 +256,13 @@ impl Solver<'_> {
             pattern,
             balanced,
         })
+    }
+
+    /// Marks the triangles in which the greatest field in the plates may be.
+    fn at_plate_peak(&self, step: &Step, greatest_t: f64) -> Vec<bool> {
+        let (level, w) = (&step.level, &step.balanced.w);
+        let (jumps, decay) = (jumps(level, w), decay(&level.space, w));
+        plate_peak(self.design, level, w, greatest_t, &jumps, &decay).coarse
     }
 
     /// Continues with the solution of the next order.
