@@ -7,7 +7,7 @@ use super::assembly::Level;
 use super::excitation::Excitation;
 use super::finer::{Finer, raised};
 use super::indicator::{decay, jumps, refined};
-use super::judge::{PLATE, SAFETY, Sizes, WIDER, goal, plate_peak, scores_of};
+use super::judge::{PLATE, Sizes, WIDER, goal, plate_peak, scores_of};
 use super::newton::{Balanced, Pattern, SolveError, balance};
 use super::space::Space;
 use super::wanted::{Figure, Wanted};
@@ -131,10 +131,14 @@ pub fn solve_for(
 const OF_LOWER_ORDER: f64 = 0.02;
 /// Fraction of the estimate on the coarser mesh that an estimate includes.
 const OF_COARSER_MESH: f64 = 0.1;
+/// Error of a figure over its change to elements of the next order. At edges of metal the next order
+/// is hardly better: with a factor of 3 some estimates of designs drawn by the test `drawn` cover
+/// 0.6 to 0.9 of the error.
+const OF_CHANGE: f64 = 4.0;
 /// Error of a peak-to-peak value over the greatest change of its profile, twice.
-const OF_PROFILE: f64 = 0.8;
+const OF_PROFILE: f64 = 1.0;
 /// Error of the centre over the greatest change of the field about it.
-const OF_CENTRE: f64 = 2.0;
+const OF_CENTRE: f64 = 2.7;
 /// Least relative error of the greatest field in the plates, by the distance of sampled points.
 const SAMPLED: f64 = 0.01;
 /// Least relative errors of mean and force, and least error of the homogeneity of the whole
@@ -142,9 +146,9 @@ const SAMPLED: f64 = 0.01;
 /// one sign and is found most surely.
 const LEAST_OF_LINKAGE: f64 = 0.03;
 
-/// Estimated errors: [`SAFETY`] times the change to elements of the next order.
+/// Estimated errors: [`OF_CHANGE`] times the change to elements of the next order.
 fn estimate(change: Figures, figures: &Figures, before: Option<(Figures, f64)>) -> Figures {
-    let mut errors = change.scaled(SAFETY);
+    let mut errors = change.scaled(OF_CHANGE);
     errors.centre_t = OF_CENTRE * change.centre_t;
     errors.axial_pp = OF_PROFILE * change.axial_pp;
     errors.radial_pp = OF_PROFILE * change.radial_pp;
