@@ -159,7 +159,7 @@ const SPLITS: [Split; 2] = [
 ];
 
 /// Results of one build.
-struct Result {
+struct Judged {
     inductance_h: f64,
     quality: f64,
     /// Relative change of the inductance per even compression of the elastomer by 1 um.
@@ -177,9 +177,9 @@ struct Result {
 }
 
 /// Runs it, prints the table and draws the figure.
-pub(crate) fn run(arguments: &Arguments) -> std::result::Result<(), Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = Winding::new(COIL);
-    let results: Vec<Result> = BUILDS.iter().map(|build| judged(build, &winding)).collect();
+    let results: Vec<Judged> = BUILDS.iter().map(|build| judged(build, &winding)).collect();
     println!(
         "| coil | L, uH | Q | dL/L per um, even, ppm | per N in the centre, % | noise, mN | bent at 5 %, % | \
          bending of the coil, % of the reading | per K: growth, dilution, ppm | the same, mN/K | \
@@ -206,7 +206,7 @@ pub(crate) fn run(arguments: &Arguments) -> std::result::Result<(), Failure> {
     Ok(())
 }
 
-impl Result {
+impl Judged {
     /// Reading of a press above the centre, 1/N.
     fn in_centre(&self) -> f64 {
         self.profile
@@ -215,7 +215,7 @@ impl Result {
     }
 }
 
-fn judged(build: &Build, winding: &Winding) -> Result {
+fn judged(build: &Build, winding: &Winding) -> Judged {
     let pressed = &build.pressed(CONTACT_M);
     let inductance_h = |squeezed: f64| winding.inductance_h(&build.squeezed(squeezed));
     let at_rest_h = inductance_h(0.0);
@@ -236,7 +236,7 @@ fn judged(build: &Build, winding: &Winding) -> Result {
         (permeable(1.0 + step) - permeable(1.0 - step)) / (2.0 * step * at_rest_h);
     let resistance_ohm = resistance_ohm();
     let impedance_ohm = (at_rest_h / CAPACITANCE_F).sqrt();
-    Result {
+    Judged {
         inductance_h: at_rest_h,
         quality: 1.0 / (resistance_ohm / impedance_ohm + per_ln_permeability * LOSS_TANGENT),
         per_um: 1e-6 / build.thickness_m * slope,
@@ -379,7 +379,7 @@ fn bending(build: &Build, pressed: &Pressed, per_n: f64) -> f64 {
     BENDING_M2 * sum / area / (per_n * force_n)
 }
 
-fn row(build: &Build, result: &Result) -> String {
+fn row(build: &Build, result: &Judged) -> String {
     let at = |step: usize| {
         result
             .profile
@@ -408,7 +408,7 @@ fn row(build: &Build, result: &Result) -> String {
     )
 }
 
-fn chart(results: &[Result]) -> Chart {
+fn chart(results: &[Judged]) -> Chart {
     let series = BUILDS.iter().zip(results).map(|(build, result)| {
         let points = result
             .profile
