@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -18,9 +19,9 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 CALIBRATION = Path(__file__).parents[2] / "host/tool/tests/fixture/ultrasoft-11.jsonl"
 # A minute at 1 kHz: a subscriber that is kept waiting by other programs loses nothing.
@@ -90,38 +91,61 @@ class Boards(Program):
 
 
 class Listener:
-    """A node of rclpy that keeps what it receives, with the time of arrival."""
+    """A node of rclpy that keeps what it receives from `start` on.
+
+    The executors of rclpy take a tenth of a millisecond for a message, so this polls the subscriptions itself.
+    """
+
+    PAUSE_S = 2e-4
 
     def __init__(self, name: str = "listener", domain: int = 0) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = Node(name, context=self.context)
-        self.executor = EventsExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.subscriptions: list[tuple[Subscription, Callable]] = []
+        self.is_ended = False
+        self.thread = threading.Thread(target=self._poll, daemon=True)
+
+    def start(self) -> None:
         self.thread.start()
+
+    def _poll(self) -> None:
+        while not self.is_ended:
+            is_idle = True
+            for subscription, take in self.subscriptions:
+                with subscription.handle:
+                    while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
+                        take(taken[0])
+                        is_idle = False
+            if is_idle:
+                time.sleep(self.PAUSE_S)
+
+    def _subscribe(self, kind: type, topic: str, quality: QoSProfile, take: Callable, raw: bool) -> None:
+        subscription = self.node.create_subscription(kind, topic, take, quality, raw=raw)
+        self.subscriptions.append((subscription, take))
 
     def listen(self, kind: type, topic: str, quality: QoSProfile = RELIABLE) -> list:
         """A list to which each message is added as it comes."""
         received: list = []
-        self.node.create_subscription(kind, topic, received.append, quality)
+        self._subscribe(kind, topic, quality, received.append, raw=False)
         return received
 
     def stamps(self, kind: type, topic: str) -> list[tuple[int, int]]:
         """The same with stamp and arrival alone, both in ns since 1970."""
         received: list[tuple[int, int]] = []
-        clock = time.time_ns
 
-        def take(message: object) -> None:
-            stamp = message.header.stamp  # type: ignore[attr-defined]
-            received.append((stamp.sec * 1_000_000_000 + stamp.nanosec, clock()))
+        def take(message: bytes) -> None:
+            # The stamp follows the four bytes that name the encoding.
+            second, nanosecond = struct.unpack_from("<iI", message, 4)
+            received.append((second * 1_000_000_000 + nanosecond, time.time_ns()))
 
-        self.node.create_subscription(kind, topic, take, RELIABLE)
+        self._subscribe(kind, topic, RELIABLE, take, raw=True)
         return received
 
     def close(self) -> None:
-        self.executor.shutdown()
-        self.thread.join(timeout=5)
+        self.is_ended = True
+        if self.thread.is_alive():
+            self.thread.join(timeout=5)
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 

@@ -22,6 +22,7 @@ def main() -> None:
     asked = parser.parse_args()
     listener = Listener()
     forces = [listener.stamps(WrenchStamped, f"/palpate/b{index}/force") for index in range(asked.count)]
+    listener.start()
     if asked.what == "bare":
         # Longer than it is measured, for the discovery.
         number = [str(of) for of in [asked.count, 1000, asked.seconds + 30]]
