@@ -52,7 +52,8 @@ fn publish(publisher: &Publisher<WrenchStamped>, rate_hz: u64, seconds: u64) {
             force: Vector3 {
                 x: 0.0,
                 y: 0.0,
-                z: -1.0,
+                // As boards that play a recording.
+                z: -((index % 10_000) as f64),
             },
             torque: Vector3::default(),
         };

@@ -1,8 +1,8 @@
 //! Boards that play a recording, each at a TCP port, for tests: `played_boards RECORDING FIRST_PORT COUNT [RATE_HZ]`.
 //!
 //! The samples of the recording are sent again and again, at whole periods of the system's clock, and with them
-//! what was recorded between them. So a subscriber knows from a stamp which sample it is, and how wrong the
-//! stamp is. After every hundredth follows a touch. Commands are answered as a board answers them, and named on
+//! what was recorded between them. Their force is their number modulo 10,000, in N, where the system's clock has
+//! number 0 at 1970. So a subscriber knows which sample it has, and how wrong the stamp is. After every hundredth follows a touch. Commands are answered as a board answers them, and named on
 //! standard error. A line `unplug BOARD SECONDS` on standard input
 //! closes the port of a board for a time; it comes back as after a start.
 
@@ -16,8 +16,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use palpate::recording::{Entry, Reader};
 use palpate_wire::code::{Outcome, TouchVerdict};
-use palpate_wire::record::{Acknowledgement, Hello, Touch};
+use palpate_wire::record::{Acknowledgement, Hello, Sample, Touch};
 use palpate_wire::{Command, CommandDecoder, Message, Record, Sequencer, encode};
+
+/// Numbers of the samples: forces beyond 10,000 N are no records.
+const NUMBERS: u64 = 10_000;
 
 type Failed = Box<dyn std::error::Error + Send + Sync>;
 
@@ -186,13 +189,25 @@ impl Board {
                 break;
             }
             let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
-            output.send(time_us, record)?;
+            let number = (zero_us + time_us) / period_us % NUMBERS;
+            output.send(time_us, &numbered(record, number))?;
             let index = time_us / period_us;
             if matches!(record, Record::Sample(_)) && index % 100 == 0 {
                 output.send(time_us, &Record::Touch(touch(index % 200 == 0)))?;
             }
         }
         Ok(())
+    }
+}
+
+/// The record, with this force if it is a sample.
+fn numbered(record: &Record, number: u64) -> Record {
+    match record {
+        Record::Sample(sample) => Record::Sample(Sample {
+            force_n: Some(number as f32),
+            ..sample.clone()
+        }),
+        other => other.clone(),
     }
 }
 

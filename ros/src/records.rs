@@ -4,9 +4,9 @@
 
 use palpate_cli::describe;
 use palpate_cli::modulus::{DeclaredTip, Evaluated};
+use palpate_wire::Record;
 use palpate_wire::code::TouchVerdict;
 use palpate_wire::record::{Estimate, Refusal, Touch as TouchRecord};
-use palpate_wire::Record;
 
 use crate::messages::{Header, Stiffness, Temperature, Touch, Vector3, WrenchStamped};
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -130,16 +131,19 @@ class Listener:
         self._subscribe(kind, topic, quality, received.append, raw=False)
         return received
 
-    def stamps(self, kind: type, topic: str) -> list[tuple[int, int]]:
-        """The same with stamp and arrival alone, both in ns since 1970."""
-        received: list[tuple[int, int]] = []
+    def forces(self, topic: str) -> list["Force"]:
+        """Stamp, arrival and number of each sample of a board that plays a recording."""
+        received: list[Force] = []
 
         def take(message: bytes) -> None:
             # The stamp follows the four bytes that name the encoding.
             second, nanosecond = struct.unpack_from("<iI", message, 4)
-            received.append((second * 1_000_000_000 + nanosecond, time.time_ns()))
+            # The force begins at a whole number of doubles after the name of the frame; z is its third.
+            end = 12 + struct.unpack_from("<I", message, 12)[0]
+            (z,) = struct.unpack_from("<d", message, 4 + -(-end // 8) * 8 + 16)
+            received.append((second * 1_000_000_000 + nanosecond, time.time_ns(), round(-z)))
 
-        self._subscribe(kind, topic, RELIABLE, take, raw=True)
+        self._subscribe(WrenchStamped, topic, RELIABLE, take, raw=True)
         return received
 
     def close(self) -> None:
@@ -150,27 +154,31 @@ class Listener:
         rclpy.shutdown(context=self.context)
 
 
+# Stamp and arrival, ns since 1970, and number of the sample.
+Force = tuple[int, int, int]
 PERIOD_NS = 1_000_000
+NUMBERS = 10_000
 
 
-def gaps(stamps: list[tuple[int, int]]) -> list[int]:
-    """Steps from each sample to the next, in periods: 1 where none is lost and the order is kept."""
-    return [round((after - before) / PERIOD_NS) for (before, _), (after, _) in zip(stamps, stamps[1:])]
+def gaps(forces: list[Force]) -> list[int]:
+    """Steps from each sample to the next: 1 where none is lost and the order is kept."""
+    steps = [(after - before) % NUMBERS for (_, _, before), (_, _, after) in zip(forces, forces[1:])]
+    return [step if step < NUMBERS // 2 else step - NUMBERS for step in steps]
 
 
-def true_times_ns(stamps: list[tuple[int, int]]) -> list[int]:
-    """When the samples were due: at whole periods. The last stamp is wrong by less than half a period."""
-    number = round(stamps[-1][0] / PERIOD_NS)
-    numbers = [number]
-    for step in reversed(gaps(stamps)):
-        number -= step
-        numbers.append(number)
-    return [number * PERIOD_NS for number in reversed(numbers)]
+def true_times_ns(forces: list[Force]) -> list[int]:
+    """When the samples were due: at whole periods, by their numbers. The stamps are wrong by less than 5 s."""
+    times = []
+    for stamp, _, number in forces:
+        period = round(stamp / PERIOD_NS)
+        ahead = (number - period + NUMBERS // 2) % NUMBERS - NUMBERS // 2
+        times.append((period + ahead) * PERIOD_NS)
+    return times
 
 
-def stamp_errors_ns(stamps: list[tuple[int, int]]) -> list[int]:
+def stamp_errors_ns(forces: list[Force]) -> list[int]:
     """Differences of the stamps from the true times."""
-    return [stamp - true for (stamp, _), true in zip(stamps, true_times_ns(stamps))]
+    return [stamp - true for (stamp, _, _), true in zip(forces, true_times_ns(forces))]
 
 
 @pytest.fixture(scope="session")

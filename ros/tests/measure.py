@@ -10,7 +10,6 @@ import resource
 import time
 
 from conftest import Boards, Listener, Program, gaps, stamp_errors_ns, true_times_ns, wait_until
-from geometry_msgs.msg import WrenchStamped
 
 
 def main() -> None:
@@ -21,7 +20,7 @@ def main() -> None:
     parser.add_argument("--unplug", type=int, default=0)
     asked = parser.parse_args()
     listener = Listener()
-    forces = [listener.stamps(WrenchStamped, f"/palpate/b{index}/force") for index in range(asked.count)]
+    forces = [listener.forces(f"/palpate/b{index}/force") for index in range(asked.count)]
     listener.start()
     if asked.what == "bare":
         # Longer than it is measured, for the discovery.
@@ -43,7 +42,7 @@ def main() -> None:
     parts = [of[first:last] for of, first, last in zip(forces, started, ended)]
     steps = [step for part in parts for step in gaps(part)]
     latencies = sorted(
-        arrived - true for part in parts for (_, arrived), true in zip(part, true_times_ns(part))
+        arrived - true for part in parts for (_, arrived, _), true in zip(part, true_times_ns(part))
     )
     errors = sorted(abs(error) for part in parts for error in stamp_errors_ns(part))
 
