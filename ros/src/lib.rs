@@ -29,9 +29,6 @@ use crate::ros::Ros;
 /// Interval of the reports, as tools of ROS expect it.
 const REPORT: Duration = Duration::from_secs(1);
 
-/// Time in which the middleware says that topics are gone, before it is closed.
-const FAREWELL: Duration = Duration::from_millis(200);
-
 /// Publishes until Ctrl-C, or until all recordings have ended.
 ///
 /// # Errors
@@ -67,10 +64,7 @@ pub fn run(request: Request) -> Result<(), Failure> {
         )),
     });
     // Every thread ends first: it disarms its board.
-    let results: Vec<_> = results.collect();
-    drop(diagnostics);
-    thread::sleep(FAREWELL);
-    results.into_iter().collect()
+    results.collect::<Vec<_>>().into_iter().collect()
 }
 
 /// Starts a board's thread. A board that cannot be used ends the program.

@@ -340,7 +340,7 @@ mod tests {
         let mut converter = Converter::default();
         let tip = Tip {
             shape: TipShape::FlatPin,
-            radius_m: 2e-3,
+            radius_m: 4e-3,
             radius_uncertainty: 0.01,
             thickness_m: 0.0,
             thickness_uncertainty: 0.0,
@@ -351,7 +351,7 @@ mod tests {
         };
         converter.convert(&Record::Tip(tip), &header());
         let found = stiffness(&mut converter, &estimate(Some(2000.0)));
-        let expected = 2000.0 * 0.75 / 4e-3;
+        let expected = 2000.0 * 0.75 / 8e-3;
         assert!((found.modulus / expected - 1.0).abs() < 1e-3, "{found:?}");
         assert!(found.modulus_lower < found.modulus && found.modulus < found.modulus_upper);
     }
