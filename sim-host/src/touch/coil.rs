@@ -20,6 +20,7 @@
 
 use core::f64::consts::{PI, TAU};
 
+use super::network::Complex;
 use super::quadrature::panels;
 use crate::sensing_coil::{CoilDesign, layers};
 
@@ -48,6 +49,9 @@ const REACH: f64 = 3.5;
 const AWAY_M: f64 = 0.5e-3;
 const TOWARDS_M: f64 = 1.2e-3;
 const LEAST_GAP_PITCHES: f64 = 0.4;
+
+/// Field along x and y of the boundary, and across it, A/m.
+type Vector = [f64; 3];
 
 /// Field of 1 A in a coil at one radius of a boundary, on its side in air, A/m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -189,44 +193,51 @@ impl Reading {
         fields
     }
 
-    /// Change of the mutual inductance with another coil at `x_m`, `y_m` from this one, per downward
-    /// displacement of the boundaries at each sample, H/m; to first order at rest.
-    pub(super) fn mutual(&self, other: &Self, x_m: f64, y_m: f64) -> Vec<Moved> {
+    /// Change of this coil's inductance by the currents in other coils, per downward displacement of the
+    /// boundaries at each sample, H/m; to first order at rest. `others` are at `x_m`, `y_m` from this
+    /// coil, with complex currents per current in this one.
+    ///
+    /// A current u in another coil makes s that of the field H + u H'; the part of H alone is left out.
+    pub(super) fn induced(&self, others: &[([f64; 2], &Self, Complex)]) -> Vec<Moved> {
         let mu = self.relative_permeability;
+        let density = |fields: &[Vector; 2]| {
+            let [real, imaginary] = fields.map(|[x, y, z]| x * x + y * y + z * z / mu);
+            MU_0 * (mu - 1.0) * (real - imaginary)
+        };
         let at = |(area_m2, sample): (f64, Sample)| {
-            let (to_x, to_y) = (sample.x_m - x_m, sample.y_m - y_m);
-            let own_m = libm::hypot(sample.x_m, sample.y_m);
-            let other_m = libm::hypot(to_x, to_y);
-            let along = sample.x_m * to_x + sample.y_m * to_y;
-            let cosine = along / f64::max(own_m * other_m, f64::MIN_POSITIVE);
-            let [own_lower, own_upper] = self.fields(own_m);
-            let [lower, upper] = other.fields(other_m);
+            let own = self.vectors(sample.x_m, sample.y_m);
+            let mut sums = own.map(|field| [field, [0.0; 3]]);
+            for ([x_m, y_m], other, current) in others {
+                let fields = other.vectors(sample.x_m - x_m, sample.y_m - y_m);
+                for (sum, field) in sums.iter_mut().zip(fields) {
+                    for (sum, part) in sum.iter_mut().zip(current) {
+                        sum.iter_mut()
+                            .zip(field)
+                            .for_each(|(sum, of)| *sum += part * of);
+                    }
+                }
+            }
+            let [lower, upper] = [0, 1]
+                .map(|face| area_m2 * (density(&sums[face]) - density(&[own[face], [0.0; 3]])));
             Moved {
-                lower_m: area_m2 * product(mu, own_lower, lower, cosine),
-                upper_m: -area_m2 * product(mu, own_upper, upper, cosine),
+                lower_m: lower,
+                upper_m: -upper,
             }
         };
         self.areas_m2().zip(self.samples()).map(at).collect()
+    }
+
+    /// Fields at both boundaries at a place, at rest.
+    fn vectors(&self, x_m: f64, y_m: f64) -> [Vector; 2] {
+        let r_m = libm::hypot(x_m, y_m).max(f64::MIN_POSITIVE);
+        self.fields(r_m)
+            .map(|of| [of.along * x_m / r_m, of.along * y_m / r_m, of.across])
     }
 
     /// Areas of the samples, m².
     fn areas_m2(&self) -> impl Iterator<Item = f64> + '_ {
         let (rings, angles) = (self.rings.iter(), self.angles);
         rings.flat_map(move |ring| (0..angles).map(move |_| ring.area_m2))
-    }
-
-    /// Change of another coil's own inductance, as [`Self::mutual`].
-    pub(super) fn of_other(&self, other: &Self, x_m: f64, y_m: f64) -> Vec<Moved> {
-        let mu = self.relative_permeability;
-        let at = |(area_m2, sample): (f64, Sample)| {
-            let other_m = libm::hypot(sample.x_m - x_m, sample.y_m - y_m);
-            let [lower, upper] = other.fields(other_m);
-            Moved {
-                lower_m: area_m2 * product(mu, lower, lower, 1.0),
-                upper_m: -area_m2 * product(mu, upper, upper, 1.0),
-            }
-        };
-        self.areas_m2().zip(self.samples()).map(at).collect()
     }
 
     /// Places at which [`Self::change_h`] asks for displacements, in its order.
@@ -433,8 +444,18 @@ mod tests {
     use super::super::layer::Layer;
     use super::super::press::{Contacts, Heights};
     use super::*;
+    use crate::sensing_coil::Sides;
     use crate::sensing_coil::integral::CoilIntegral;
-    use crate::touch::layout::WINDING as COIL;
+
+    const COIL: CoilDesign = CoilDesign {
+        outer_diameter_m: 13.5e-3,
+        inner_diameter_m: 3.5e-3,
+        turns: 10,
+        sides: Sides::One,
+        slab_m: 2e-3,
+        gap_at_rest_m: 0.6e-3,
+        relative_permeability: 3.7,
+    };
 
     fn even(reading: &Reading, lower_m: f64, upper_m: f64) -> f64 {
         reading.change_h(reading.samples().map(|_| Moved { lower_m, upper_m }))
@@ -592,18 +613,25 @@ mod tests {
                 )
             };
             let expected = (at(0.6e-3 - h) - at(0.6e-3 + h)) / (2.0 * h);
-            let samples = reading.mutual(&reading, apart_m, 0.0);
-            let found: f64 = samples.iter().map(|s| s.lower_m + s.upper_m).sum();
+            // A current u adds 2u M and u^2 L to the inductance.
+            let sum = |u: f64| -> f64 {
+                let samples = reading.induced(&[([apart_m, 0.0], &reading, [u, 0.0])]);
+                samples.iter().map(|s| s.lower_m + s.upper_m).sum()
+            };
+            let found = 0.25 * (sum(1.0) - sum(-1.0));
             println!(
                 "{apart_m:e}: {:e} {found:e} {expected:e}",
                 mutual_h(&COIL, apart_m)
             );
-            let whole = reading.mutual(&reading, 0.0, 0.0);
-            let whole: f64 = whole.iter().map(|s| s.lower_m + s.upper_m).sum();
+            let whole = 0.5 * (sum(1.0) + sum(-1.0));
             assert!(
                 (found - expected).abs() < 5e-3 * whole,
                 "{apart_m}: {found} {expected}"
             );
+            // A current a quarter of a period later adds nothing to first order.
+            let later = reading.induced(&[([apart_m, 0.0], &reading, [0.0, 1.0])]);
+            let later: f64 = later.iter().map(|s| s.lower_m + s.upper_m).sum();
+            assert!((later + whole).abs() < 1e-9 * whole);
         }
     }
 

@@ -35,7 +35,7 @@ pub const GAIN: Quantity = Quantity::Spread {
     spread: 0.02,
 };
 
-/// Capacitance of a tank relative to 330 pF: C0G capacitors of 1 %.
+/// Capacitance of a tank relative to the design's: C0G capacitors of 1 %.
 pub const CAPACITANCE: Quantity = Quantity::Spread {
     nominal: 1.0,
     spread: 0.01,
@@ -85,9 +85,6 @@ pub struct TouchParameters {
     pub white_noise_relative: f64,
     /// Relative error of the reference clock.
     pub reference_clock_error: f64,
-    /// Whether idle coils are shorted. The converter is expected to ground the inputs of a channel
-    /// that it does not convert (guess); a coil whose ends are open carries no current.
-    pub idle_shorted: bool,
 }
 
 /// A sensing coil with its tank.
@@ -101,23 +98,29 @@ pub struct TouchCoil {
     pub capacitance_f: f64,
 }
 
-/// Capacitance of the tanks, F.
-const CAPACITANCE_F: f64 = 330e-12;
+/// Capacitance of the tanks of the first and of the second converter, F: coils that are converted at the
+/// same time do not lock to each other, and their currents are small.
+const CAPACITANCES_F: [f64; 2] = [330e-12, 680e-12];
+
+fn capacitance_f(index: usize) -> f64 {
+    let [first, second] = CAPACITANCES_F;
+    if index < 4 { first } else { second }
+}
 
 impl TouchParameters {
     /// The design without tolerance, noise, creep and vibration.
     #[must_use]
     pub fn ideal(layout: &Layout, layer: &Layer) -> Self {
-        let coil = |&coil: &Coil| TouchCoil {
+        let coil = |(index, &coil): (usize, &Coil)| TouchCoil {
             coil,
             gain: 1.0,
-            capacitance_f: CAPACITANCE_F,
+            capacitance_f: capacitance_f(index),
         };
         Self {
             seed: 0,
             layer: *layer,
             boundary_m: layout.boundary_m,
-            coils: layout.coils.iter().map(coil).collect(),
+            coils: layout.coils.iter().enumerate().map(coil).collect(),
             capacitance_per_kelvin: 0.0,
             modulus_per_kelvin: 0.0,
             growth_m_per_k: 0.0,
@@ -128,7 +131,6 @@ impl TouchParameters {
             vibration: [0.0; 3],
             white_noise_relative: 0.0,
             reference_clock_error: 0.0,
-            idle_shorted: false,
         }
     }
 
@@ -156,7 +158,7 @@ impl TouchParameters {
                     design,
                 },
                 gain: gain * own(&GAIN, "gain"),
-                capacitance_f: CAPACITANCE_F * own(&CAPACITANCE, "capacitance"),
+                capacitance_f: capacitance_f(index) * own(&CAPACITANCE, "capacitance"),
             }
         };
         let mode = |tau, name: &str| CreepMode {
@@ -187,7 +189,6 @@ impl TouchParameters {
             ],
             white_noise_relative: pick(&d.ldc.white_noise_relative, "noise"),
             reference_clock_error: pick(&d.ldc.reference_clock_error, "clock"),
-            idle_shorted: true,
         })
     }
 }

@@ -24,52 +24,55 @@ pub struct Coil {
     pub design: CoilDesign,
 }
 
-/// The winding of the built-in layouts: diameters of 13.5 and 3.5 mm, ten turns, 0.6 mm below a slab
-/// of 2 mm (docs/touch.md).
-pub(super) const WINDING: CoilDesign = CoilDesign {
-    outer_diameter_m: 13.5e-3,
+/// The winding of the built-in layouts: diameters of 10 and 3.5 mm, ten turns, 3 mm below a slab of 2 mm
+/// (docs/touch.md).
+const WINDING: CoilDesign = CoilDesign {
+    outer_diameter_m: 10e-3,
     inner_diameter_m: 3.5e-3,
     turns: 10,
     sides: Sides::One,
     slab_m: 2e-3,
-    gap_at_rest_m: 0.6e-3,
+    gap_at_rest_m: 3e-3,
     relative_permeability: 3.7,
 };
 
 /// Thickness of the layer of the built-in layouts, m: the elastomer begins at its surface.
 const THICKNESS_M: f64 = 5e-3;
 
+/// Distance of neighbouring centres, m: coils of this winding that overlap so far have hardly any mutual
+/// inductance, as in phased arrays of magnetic resonance (Roemer et al. 1990).
+const PITCH_M: f64 = 5.6e-3;
+
 impl Layout {
-    /// One coil in the centre and three around it at 6 mm, as `palpate plan-touch three-around-one`.
+    /// One coil in the centre and three around it, as `palpate plan-touch three-around-one`.
     #[must_use]
     pub fn three_around_one() -> Self {
-        let around = [[0.0, 6e-3], [5.196e-3, -3e-3], [-5.196e-3, -3e-3]];
-        Self::around_one(&around)
+        Self::of([None, Some(90.0), Some(-30.0), Some(-150.0)])
     }
 
-    /// One coil in the centre and six around it at 6 mm, as `palpate plan-touch seven`.
+    /// One coil in the centre and six around it, as `palpate plan-touch seven`. Coils that are converted
+    /// at the same time lie opposite to each other; the centre is converted alone.
     #[must_use]
     pub fn seven() -> Self {
-        let around = [
-            [6e-3, 0.0],
-            [3e-3, 5.196e-3],
-            [-3e-3, 5.196e-3],
-            [-6e-3, 0.0],
-            [-3e-3, -5.196e-3],
-            [3e-3, -5.196e-3],
-        ];
-        Self::around_one(&around)
+        let first = [Some(0.0), Some(60.0), Some(120.0), None];
+        let second = [Some(180.0), Some(240.0), Some(300.0)];
+        Self::of(first.into_iter().chain(second))
     }
 
-    fn around_one(around: &[[f64; 2]]) -> Self {
-        let coil = |&centre_m: &[f64; 2]| Coil {
-            centre_m,
-            design: WINDING,
+    /// Coils around the centre at these directions, in degrees, or in the centre.
+    fn of(directions: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let coil = |direction: Option<f64>| {
+            let place = direction.map(|degrees: f64| {
+                let angle = degrees.to_radians();
+                [PITCH_M * libm::cos(angle), PITCH_M * libm::sin(angle)]
+            });
+            Coil {
+                centre_m: place.unwrap_or_default(),
+                design: WINDING,
+            }
         };
-        let mut coils = vec![coil(&[0.0; 2])];
-        coils.extend(around.iter().map(coil));
         Self {
-            coils,
+            coils: directions.into_iter().map(coil).collect(),
             boundary_m: THICKNESS_M,
         }
     }

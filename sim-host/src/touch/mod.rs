@@ -15,6 +15,7 @@ mod grid;
 mod indenter;
 mod layer;
 mod layout;
+mod network;
 mod press;
 mod quadrature;
 #[cfg(test)]
