@@ -5,10 +5,10 @@
 use palpate_model::math::sqrt;
 use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
 use palpate_model::touch::{
-    Array, BASE, BY_RADIUS, Coefficients, Coil, CommonError, LEAST_SIGNIFICANCE, MOST_COILS, Press,
-    Profile, ReadingError, Region, Track, Verdict,
+    Array, BASE, BENT, BY_RADIUS, Coefficients, Coil, CommonError, LEAST_SIGNIFICANCE, MOST_COILS,
+    Press, Profile, ReadingError, Region, Track, Verdict,
 };
-use palpate_model::units::Metre;
+use palpate_model::units::{Metre, Newton};
 use palpate_wire::code::{Outcome, TouchVerdict};
 use palpate_wire::command::{ARRAY_NUMBERS, COIL_NUMBERS, TouchArray};
 use palpate_wire::record::Touch;
@@ -96,14 +96,16 @@ pub(crate) fn read(pairs: &[(f32, f32)], board: &BoardInfo) -> Result<ActiveArra
         spacing: Metre(next()),
         least_radius: Metre(next()),
         greatest_radius: Metre(next()),
-        bend: next(),
+        greatest_force: Newton(next()),
         base: [0.0; BASE],
         linear: [0.0; BY_RADIUS],
         quadratic: [0.0; BY_RADIUS],
+        bent: [[0.0; BENT]; 3],
     };
     numbers.fill(&mut coefficients.base);
     numbers.fill(&mut coefficients.linear);
     numbers.fill(&mut coefficients.quadratic);
+    numbers.fill(coefficients.bent.as_flattened_mut());
     let mut coils = [NO_COIL; MOST_COILS];
     let coils = coils
         .get_mut(..all.count_ones() as usize)

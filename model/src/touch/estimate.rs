@@ -30,6 +30,8 @@ pub enum Indenter {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prior {
     pub(super) ln_radius: f32,
+    /// As `ln_radius`, where a fit starts: the middle of an unknown one's range.
+    pub(super) start: f32,
     pub(super) exponent: f32,
     pub(super) sigma: f32,
     is_declared: bool,
@@ -40,9 +42,13 @@ impl Prior {
     fn new(indenter: &Indenter, [low, high]: [f32; 2]) -> Option<Self> {
         /// Standard deviation of a uniform distribution over its width.
         const UNIFORM: f32 = 0.288_675;
+        /// Mean of an unknown radius over the calibrated logarithms. Readings tell large radii apart
+        /// without it, and small ones hardly: these alone it has to be near.
+        const LOWER_THIRD: f32 = 1.0 / 3.0;
         let prior = match *indenter {
             Indenter::Unknown => Self {
-                ln_radius: 0.5 * (low + high),
+                ln_radius: low + LOWER_THIRD * (high - low),
+                start: 0.5 * (low + high),
                 exponent: 0.0,
                 sigma: UNIFORM * (high - low),
                 is_declared: false,
@@ -53,6 +59,7 @@ impl Prior {
                 uncertainty,
             } => Self {
                 ln_radius: ln(at_one_newton.0),
+                start: ln(at_one_newton.0),
                 exponent,
                 sigma: uncertainty,
                 is_declared: true,
@@ -96,14 +103,14 @@ impl Scan {
             let relative = error.relative * given;
             let square = coil.noise * coil.noise + relative * relative + of_largest * of_largest;
             let per_sigma = 1.0 / sqrt(square);
-            *straight = array.profile.straight(given / coil.gain);
+            *straight = given / coil.gain;
             *weight = coil.gain * per_sigma;
             *target = given * per_sigma;
         }
         Some(scan)
     }
 
-    /// For each coil, the reading with gain and f undone: F Phi.
+    /// For each coil, the reading with the gain undone.
     pub(super) fn straight(&self) -> &[f32] {
         self.straight.get(..self.count).unwrap_or(&self.straight)
     }
@@ -373,17 +380,16 @@ impl Fit<'_> {
         for (coil, (weight, target)) in self.array.coils().iter().zip(scan) {
             let [dx, dy] = [x - profile.knots(coil.x), y - profile.knots(coil.y)];
             let distance = sqrt(dx * dx + dy * dy);
-            let response = table.response(distance);
-            let (value, slope) = profile.curve(force * response.value);
-            let scale = weight * slope * force;
+            let response = table.response(distance, force);
             // The profile is even: at the axis its slope is zero, and any direction serves.
-            let radial = scale * response.by_distance / distance.max(f32::MIN_POSITIVE);
+            let radial = weight * response.by_distance / distance.max(f32::MIN_POSITIVE);
             let row = [
                 radial * dx,
                 radial * dy,
-                scale * response.value,
-                scale * response.by_ln_radius,
+                weight * response.by_ln_force,
+                weight * response.by_ln_radius,
             ];
+            let value = response.value;
             normal.add(&row, weight * value - target);
             normal.informative += u8::from((weight * value).abs() > REACHED);
         }

@@ -3,9 +3,9 @@
 //! A press at the place x with the force F and the contact radius a changes the inductance of coil
 //! i by
 //!
-//! dL_i = g_i f(F Phi(|x - x_i|, a)).
+//! dL_i = g_i (F Phi(|x - x_i|, a) + F^2 Psi(|x - x_i|, a)).
 //!
-//! All coils have one radial profile Phi ([`Profile`]), a gain g_i and a place x_i. a is the radius
+//! All coils have one radial profile, Phi and Psi ([`Profile`]), a gain g_i and a place x_i. a is the radius
 //! of the round contact with Hertz's pressure that has the press's second moment: a flat pin counts
 //! with sqrt(5/3) of its radius.
 //!
@@ -34,6 +34,6 @@ mod verdict;
 
 pub use array::{Array, ArrayError, Coil, CommonError, MOST_COILS, ReadingError};
 pub use estimate::{Indenter, LEAST_SIGNIFICANCE, Track};
-pub use profile::{BASE, BY_RADIUS, Coefficients, Profile};
+pub use profile::{BASE, BENT, BY_RADIUS, Coefficients, Profile};
 pub use region::Region;
 pub use verdict::{Ellipse, Press, Verdict};

@@ -1,12 +1,14 @@
 //! The radial profile: reading of a coil against the distance of the press.
 
 use crate::math::{exp, ln, sqrt};
-use crate::units::{Metre, OutOfRange, Requirement};
+use crate::units::{Metre, Newton, OutOfRange, Requirement};
 
 /// Number of coefficients of the profile in the middle of the radii.
 pub const BASE: usize = 9;
 /// Number of coefficients of each change by the radius, which reaches less far.
 pub const BY_RADIUS: usize = 5;
+/// Number of coefficients of each part that grows with the square of the force.
+pub const BENT: usize = 4;
 
 /// Coefficients of a profile.
 ///
@@ -15,8 +17,9 @@ pub const BY_RADIUS: usize = 5;
 /// Phi(r, a) = sum of (base_j + linear_j s + quadratic_j s^2) B(r/spacing - j),
 ///
 /// where B is the cubic B-spline with knots at whole numbers, and the coefficients at -j are those
-/// at j: Phi is even in r, has two continuous derivatives, and is zero from ten knots on. An array
-/// that is wider than this reach needs a wider spacing.
+/// at j. Psi(r, a) is made in the same way of the coefficients `bent`. Phi is even in r, has two
+/// continuous derivatives, and is zero from ten knots on. An array that is wider than this reach needs
+/// a wider spacing.
 ///
 /// The form fits the profiles of a bonded layer of 3 and 5 mm under coils from 2 to 6.5 mm, for
 /// contacts from 1 to 5 mm, within 0.3 to 0.4 % of the peak (root mean square) and 2.5 % (greatest,
@@ -35,9 +38,10 @@ pub struct Coefficients {
     pub linear: [f32; BY_RADIUS],
     /// Change with s^2, 1/N.
     pub quadratic: [f32; BY_RADIUS],
-    /// Bend c of the curve f: f(y) = y (1 + c y) if c y is above zero, else y/(1 - c y). f is
-    /// monotone, with the slope 1 at zero.
-    pub bend: f32,
+    /// Psi in the middle of the radii, its change with s, and with s^2, 1/N^2.
+    pub bent: [[f32; BENT]; 3],
+    /// Greatest force of the calibration. Beyond it, readings grow evenly with the force.
+    pub greatest_force: Newton,
 }
 
 /// The profile of all coils of an array.
@@ -51,11 +55,12 @@ pub struct Profile {
     ln_radii: [f32; 2],
 }
 
-/// Phi and its derivatives by the distance (in knots) and by ln a, 1/N.
+/// A reading and its derivatives by the distance (in knots), by ln F and by ln a.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Response {
     pub(super) value: f32,
     pub(super) by_distance: f32,
+    pub(super) by_ln_force: f32,
     pub(super) by_ln_radius: f32,
 }
 
@@ -64,6 +69,9 @@ pub(super) struct Response {
 pub(super) struct Table {
     values: [f32; BASE],
     by_ln_radius: [f32; BY_RADIUS],
+    bent: [f32; BENT],
+    bent_by_ln_radius: [f32; BENT],
+    greatest_force: f32,
 }
 
 impl Profile {
@@ -75,7 +83,8 @@ impl Profile {
         Metre::positive(of.least_radius.0)?;
         Metre::positive((of.greatest_radius - of.least_radius).0)?;
         let all = of.base.iter().chain(&of.linear).chain(&of.quadratic);
-        for &value in all.chain([&of.bend]) {
+        Newton::positive(of.greatest_force.0)?;
+        for &value in all.chain(of.bent.as_flattened()) {
             // The magnitude: a coefficient may have either sign.
             OutOfRange::check(value.abs(), Requirement::NonNegative)?;
         }
@@ -104,8 +113,7 @@ impl Profile {
     /// gain 1. Radii beyond the calibration's count as the nearest one.
     pub fn reading(&self, force_n: f32, distance: Metre, radius: Metre) -> f32 {
         let table = self.table(ln(radius.0));
-        let response = table.response(self.knots(distance));
-        self.curve(force_n * response.value).0
+        table.response(self.knots(distance), force_n).value
     }
 
     pub(super) fn table(&self, ln_radius: f32) -> Table {
@@ -116,6 +124,9 @@ impl Profile {
         let mut table = Table {
             values: of.base,
             by_ln_radius: [0.0; BY_RADIUS],
+            bent: [0.0; BENT],
+            bent_by_ln_radius: [0.0; BENT],
+            greatest_force: of.greatest_force.0,
         };
         let sums = table.values.iter_mut().zip(&mut table.by_ln_radius);
         for ((value, by), (linear, quadratic)) in sums.zip(of.linear.iter().zip(&of.quadratic)) {
@@ -123,29 +134,15 @@ impl Profile {
             *value += s * (linear + bent);
             *by = s_by_ln_radius * (linear + 2.0 * bent);
         }
+        let [middle, linear, quadratic] = &of.bent;
+        let sums = table.bent.iter_mut().zip(&mut table.bent_by_ln_radius);
+        let parts = middle.iter().zip(linear).zip(quadratic);
+        for ((value, by), ((middle, linear), quadratic)) in sums.zip(parts) {
+            let bent = s * quadratic;
+            *value = middle + s * (linear + bent);
+            *by = s_by_ln_radius * (linear + 2.0 * bent);
+        }
         table
-    }
-
-    /// f and its slope.
-    pub(super) fn curve(&self, y: f32) -> (f32, f32) {
-        let bent = self.coefficients.bend * y;
-        if bent > 0.0 {
-            (y * (1.0 + bent), 1.0 + 2.0 * bent)
-        } else {
-            let scale = 1.0 / (1.0 - bent);
-            (y * scale, scale * scale)
-        }
-    }
-
-    /// The inverse of f.
-    pub(super) fn straight(&self, value: f32) -> f32 {
-        let bent = self.coefficients.bend * value;
-        if bent > 0.0 {
-            2.0 * value / (1.0 + sqrt(1.0 + 4.0 * bent))
-        } else {
-            // f stays above -1/c: beyond, a number far below.
-            value / (1.0 + bent).max(1e-3)
-        }
     }
 
     pub(super) const fn spacing(&self) -> Metre {
@@ -164,13 +161,23 @@ impl Profile {
 }
 
 impl Table {
-    /// Phi at a distance in knots, with its derivatives.
-    pub(super) fn response(&self, distance: f32) -> Response {
+    /// A coil's reading of a force at a distance in knots, with its derivatives.
+    pub(super) fn response(&self, distance: f32, force: f32) -> Response {
         let at = Interval::new(distance);
+        let (parts, slopes) = (at.parts(), at.slopes());
+        let straight = at.sum(&parts, &self.values);
+        let bent = at.sum(&parts, &self.bent);
+        // F^2, or its tangent beyond the calibrated forces.
+        let within = force.min(self.greatest_force);
+        let square = within * (2.0 * force - within);
+        let by_force = 2.0 * within;
         Response {
-            value: at.sum(&at.parts(), &self.values),
-            by_distance: at.sum(&at.slopes(), &self.values),
-            by_ln_radius: at.sum(&at.parts(), &self.by_ln_radius),
+            value: force * straight + square * bent,
+            by_distance: force * at.sum(&slopes, &self.values)
+                + square * at.sum(&slopes, &self.bent),
+            by_ln_force: force * (straight + by_force * bent),
+            by_ln_radius: force * at.sum(&parts, &self.by_ln_radius)
+                + square * at.sum(&parts, &self.bent_by_ln_radius),
         }
     }
 

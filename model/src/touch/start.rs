@@ -10,7 +10,7 @@ use crate::units::Metre;
 /// reading and the others, between the coils' centroid and the others, and the centroid of the
 /// readings above zero; all with the indenter's mean radius.
 ///
-/// With f undone, the readings are linear in the force, which follows in closed form.
+/// Without Psi the readings are linear in the force, which follows in closed form.
 pub(super) fn start(array: &Array, scan: &Scan, prior: &Prior) -> Option<State> {
     let coils = array.coils();
     let readings = coils.iter().zip(scan.straight());
@@ -29,7 +29,7 @@ pub(super) fn start(array: &Array, scan: &Scan, prior: &Prior) -> Option<State> 
         .chain(between(centre, 0.0).take(1))
         .chain(between(centre, 0.5))
         .chain(centroid(array, scan));
-    let table = array.profile.table(prior.ln_radius);
+    let table = array.profile.table(prior.start);
     let mut best: Option<(f32, State)> = None;
     for [x, y] in places {
         let Some((misfit, force)) = force(array, scan, [x, y], &table) else {
@@ -37,7 +37,7 @@ pub(super) fn start(array: &Array, scan: &Scan, prior: &Prior) -> Option<State> 
         };
         if best.as_ref().is_none_or(|(least, _)| misfit < *least) {
             let ln_force = ln(force);
-            let ln_radius = prior.ln_radius + prior.exponent * ln_force;
+            let ln_radius = prior.start + prior.exponent * ln_force;
             let [x, y] = [x, y].map(|of| array.profile.knots(Metre(of)));
             best = Some((misfit, State([x, y, ln_force, ln_radius])));
         }

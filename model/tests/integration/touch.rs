@@ -5,8 +5,8 @@ use std::array::from_fn;
 use std::sync::LazyLock;
 
 use palpate_model::touch::{
-    Array, ArrayError, BASE, BY_RADIUS, Coefficients, Coil, CommonError, Indenter, Press, Profile,
-    ReadingError, Region, Track, Verdict,
+    Array, ArrayError, BASE, BENT, BY_RADIUS, Coefficients, Coil, CommonError, Indenter, Press,
+    Profile, ReadingError, Region, Track, Verdict,
 };
 use palpate_model::units::{Metre, Newton};
 use proptest::prelude::*;
@@ -64,7 +64,8 @@ fn coefficients_of(numbers: &[f64]) -> Coefficients {
         base: table(0..BASE).collect::<Vec<_>>().try_into().unwrap(),
         linear: short(BASE),
         quadratic: short(BASE + BY_RADIUS),
-        bend: 0.0,
+        bent: [[0.0; BENT]; 3],
+        greatest_force: Newton(10.0),
     }
 }
 
@@ -473,15 +474,25 @@ fn a_pin_counts_as_a_round_contact_of_five_thirds_of_its_square() {
     }
 }
 
-/// Readings that grow faster than the force, as the elastomer comes nearer: exp(bend y) - 1 in the
-/// world, y (1 + c y) in the estimator.
+/// Readings that grow faster than the force, as the elastomer comes nearer: (exp(bend y) - 1)/bend in the
+/// world, of which Psi is the second order, bend/2 Phi^2.
 #[test]
 fn a_bend_of_the_readings_is_undone() {
     let mut world = World::new(5e-3, &three_around_one());
     world.bend = 5.0;
     let straight = profile(&world);
+    let parts = |&[r, a]: &[f64; 2]| -> Vec<f64> {
+        let all = factors(r, a);
+        let of = |from: usize| all[from..from + BENT].to_vec();
+        [of(0), of(BASE), of(BASE + BY_RADIUS)].concat()
+    };
+    let rows: Vec<_> = lattice().iter().map(parts).collect();
+    let square = |&[r, a]: &[f64; 2]| 0.5 * world.bend * world.profile(r, a).powi(2);
+    let right: Vec<_> = lattice().iter().map(square).collect();
+    let (psi, _) = least_squares(&rows, &right);
+    let table: Vec<f32> = psi.iter().map(|of| *of as f32).collect();
     let bent = Profile::new(Coefficients {
-        bend: 2.5,
+        bent: table.as_chunks().0.try_into().unwrap(),
         ..*straight.coefficients()
     });
     let bent = array(&three_around_one(), bent.unwrap(), disc(4e-3)).unwrap();
@@ -582,7 +593,7 @@ fn impossible_arrays_are_refused() {
     assert!(matches!(negative, ArrayError::Number(_)), "{negative}");
     for broken in [
         Coefficients {
-            bend: f32::NAN,
+            greatest_force: Newton(f32::NAN),
             ..*profile.coefficients()
         },
         Coefficients {

@@ -62,7 +62,8 @@ impl ActiveArray {
             base,
             linear,
             quadratic,
-            bend,
+            bent,
+            greatest_force,
         } = self.array.profile().coefficients();
         let first = [
             self.channels.into(),
@@ -81,9 +82,10 @@ impl ActiveArray {
             spacing.0,
             least_radius.0,
             greatest_radius.0,
-            *bend,
+            greatest_force.0,
         ];
-        let profile = base.iter().chain(linear).chain(quadratic).copied();
+        let profile = base.iter().chain(linear).chain(quadratic);
+        let profile = profile.chain(bent.as_flattened()).copied();
         let of_coil = |coil: &Coil| [coil.x.0, coil.y.0, coil.gain, coil.noise];
         let coils = self.array.coils().iter().flat_map(of_coil);
         first.into_iter().chain(profile).chain(coils)

@@ -140,13 +140,13 @@ pub(crate) mod tests {
 
     /// An array of one coil.
     fn array() -> Vec<Command> {
-        let mut numbers = [0.1; 40];
+        let mut numbers = [0.1; 52];
         numbers[..2].copy_from_slice(&[1.0, 1.0]);
         numbers[14] = 0.05;
-        let chunks = [(0, 0..16), (16, 16..32), (32, 32..40)];
+        let chunks = [(0, 0..16), (16, 16..32), (32, 32..48), (48, 48..52)];
         let command = |(first, range): (u8, core::ops::Range<usize>)| {
             Command::SetTouchArray(TouchArray {
-                total: 40,
+                total: 52,
                 first,
                 numbers: numbers[range].iter().copied().collect(),
             })

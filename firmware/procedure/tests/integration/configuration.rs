@@ -245,8 +245,9 @@ fn an_array_that_cannot_work_is_refused_and_the_one_before_stays() {
         (8, -1e-3, Outcome::OutOfRange, None),
         (13, 0.0, Outcome::OutOfRange, None),
         (15, 1e-3, Outcome::OutOfRange, None),
-        (38, 0.0, Outcome::OutOfRange, None),
-        (39, -1e-5, Outcome::OutOfRange, None),
+        (16, 0.0, Outcome::OutOfRange, None),
+        (50, 0.0, Outcome::OutOfRange, None),
+        (51, -1e-5, Outcome::OutOfRange, None),
     ] {
         let mut numbers = sound.clone();
         numbers[index] = value;
@@ -264,7 +265,7 @@ fn an_array_that_cannot_work_is_refused_and_the_one_before_stays() {
         (vec![], Outcome::Inconsistent),
     ] {
         let chunk = TouchArray {
-            total: 52,
+            total: 64,
             first: 0,
             numbers: numbers.into_iter().collect(),
         };

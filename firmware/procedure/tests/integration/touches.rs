@@ -3,8 +3,8 @@
 use crate::support::calibration::{array, array_numbers, calibration, contact, settings};
 use crate::support::{BOOT, Rig, board};
 use ldc161x::{Channel, Reading, Word};
-use palpate_model::touch::{BASE, BY_RADIUS, Coefficients, Profile};
-use palpate_model::units::Metre;
+use palpate_model::touch::{BASE, BENT, BY_RADIUS, Coefficients, Profile};
+use palpate_model::units::{Metre, Newton};
 use palpate_procedure::event::Conversion;
 use palpate_procedure::storage::{StorageOrder, StorageReport, Stored};
 use palpate_procedure::{Action, Duration, Event, Scan};
@@ -43,14 +43,15 @@ fn pressed(x: f32, y: f32, force_n: f32) -> [f64; 4] {
         spacing: Metre(numbers[13]),
         least_radius: Metre(numbers[14]),
         greatest_radius: Metre(numbers[15]),
-        bend: numbers[16],
+        greatest_force: Newton(numbers[16]),
         base: table(17, BASE).try_into().unwrap(),
         linear: table(17 + BASE, BY_RADIUS).try_into().unwrap(),
         quadratic: table(17 + BASE + BY_RADIUS, BY_RADIUS).try_into().unwrap(),
+        bent: [0, 1, 2].map(|of| table(36 + of * BENT, BENT).try_into().unwrap()),
     });
     let profile = profile.unwrap();
     core::array::from_fn(|coil| {
-        let [coil_x, coil_y] = [numbers[36 + 4 * coil], numbers[37 + 4 * coil]];
+        let [coil_x, coil_y] = [numbers[48 + 4 * coil], numbers[49 + 4 * coil]];
         let distance = Metre((x - coil_x).hypot(y - coil_y));
         f64::from(profile.reading(force_n, distance, Metre(2e-3)))
     })

@@ -6,7 +6,7 @@ use crate::schema::Described;
 use crate::validation::{Invalid, inconsistent};
 
 /// Numbers of an array's calibration before those of its coils.
-pub const ARRAY_NUMBERS: usize = 36;
+pub const ARRAY_NUMBERS: usize = 48;
 
 /// Numbers of each coil.
 pub const COIL_NUMBERS: usize = 4;
@@ -26,14 +26,15 @@ structure! {
     /// - 5 to 7, the disc within which presses are claimed: x, y and radius, m;
     /// - 8 to 12, standard uncertainties: of a reading relative to itself, and to the largest one; common
     ///   ones of place (m), ln F and ln a;
-    /// - 13 to 35, the profile: spacing of its knots, least and greatest contact radius, m; bend;
-    ///   nine coefficients, five linear and five quadratic ones, 1/N;
-    /// - from 36 on, for each coil from the lowest channel: x and y, m; gain; noise of a reading.
+    /// - 13 to 47, the profile: spacing of its knots, least and greatest contact radius, m; greatest force, N;
+    ///   nine coefficients, five linear and five quadratic ones, 1/N; four, four linear and four quadratic
+    ///   ones of the square of the force, 1/N^2;
+    /// - from 48 on, for each coil from the lowest channel: x and y, m; gain; noise of a reading.
     pub struct TouchArray {
-        /// Number of all numbers: 36 and 4 for each coil.
-        total: u8 ["1", 40, 68],
+        /// Number of all numbers: 48 and 4 for each coil.
+        total: u8 ["1", 52, 80],
         /// Index of the first number in this chunk.
-        first: u8 ["", 0, 66],
+        first: u8 ["", 0, 78],
         /// The numbers of this chunk, two at least and an even number of them.
         numbers: Vec<f32, 17> ["1", -1e6, 1e6],
     }

@@ -32,9 +32,10 @@ impl ArrayCalibration {
         numbers.extend([common.place_m, common.ln_force, common.ln_radius]);
         numbers.push(scales.spacing_m);
         numbers.extend(scales.radii_m);
-        numbers.push(self.bend());
+        numbers.push(self.greatest_force_n());
         numbers.extend(self.base());
         numbers.extend(self.by_radius().concat());
+        numbers.extend(self.bent());
         for coil in self.coils() {
             numbers.extend(coil.place_m);
             numbers.extend([coil.gain, self.design.noise]);

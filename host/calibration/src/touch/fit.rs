@@ -4,7 +4,7 @@
 //! by the press and the noise, the covariance of its readings is N + J S J', whose Cholesky factor
 //! whitens its rows.
 
-use super::profile::{At, BASE, BEND, BY_RADIUS, Parameters};
+use super::profile::{At, BASE, COMMON, PSI, Parameters};
 use super::{Design, KnownPress};
 use crate::Unusable;
 use crate::least_squares::{Covariance, System};
@@ -14,10 +14,12 @@ const MOST_STEPS: usize = 30;
 /// A step that changes the predictions by less than this part of their standard errors is the last.
 const SETTLED: f64 = 1e-3;
 
-/// Standard deviation of what the profile's form leaves out, relative to the largest reading of a
-/// press, before the presses show it: 0.27 % for a layer of 5 mm, 0.44 % for one of 3 mm
-/// (`palpate_model::touch::Coefficients`).
-pub(super) const FORM: f64 = 3e-3;
+/// Standard deviation of what the profile's form leaves out, relative to a reading itself, before the
+/// presses show it: 0.6 % under an array of seven coils whose currents couple them
+/// (`palpate_sim::touch`), less where they do not.
+pub(super) const FORM: f64 = 5e-3;
+/// The same relative to the largest reading of the press, over that: the residuals of small readings.
+pub(super) const FORM_OF_LARGEST: f64 = 0.4;
 /// Standard deviation of its logarithm beforehand: with four readings, errors of the bench hide it.
 const FORM_SPREAD: f64 = 0.5;
 
@@ -25,7 +27,7 @@ const FORM_SPREAD: f64 = 0.5;
 pub(super) struct Fitted {
     pub(super) parameters: Parameters,
     pub(super) covariance: Covariance,
-    /// What the profile's form leaves out, relative to the largest reading of a press.
+    /// What the profile's form leaves out, relative to a reading ([`FORM`]).
     pub(super) form: f64,
     /// Standard deviation of a whitened residual.
     pub(super) sigma: f64,
@@ -62,7 +64,7 @@ pub(super) fn fit(
     (form, is_robust): (f64, bool),
 ) -> Result<Fitted, Unusable> {
     let mut parameters = Parameters::start(design.scales, &design.coils_m);
-    let peak = peak(presses);
+    let peak = [peak(presses), strongest(presses)];
     let mut last = None;
     for step in 0..MOST_STEPS {
         let mut system = System::new(parameters.values.len());
@@ -124,13 +126,24 @@ fn peak(presses: &[KnownPress]) -> f64 {
     presses.iter().map(of).fold(f64::MIN_POSITIVE, f64::max)
 }
 
+/// Greatest force, N.
+fn strongest(presses: &[KnownPress]) -> f64 {
+    let forces = presses.iter().map(|press| press.force_n);
+    forces.fold(f64::MIN_POSITIVE, f64::max)
+}
+
 pub(super) fn largest(readings: &[f64]) -> f64 {
     readings.iter().fold(0.0, |most, of| of.abs().max(most))
 }
 
 /// Adds the prior knowledge: gains near one with a mean of one, coils near their nominal places, a
-/// profile of a few peaks at most, and a small bend.
-fn beforehand(design: &Design, parameters: &Parameters, peak: f64, system: &mut System) {
+/// profile of a few peaks at most, and a Psi that is small beside it.
+fn beforehand(
+    design: &Design,
+    parameters: &Parameters,
+    [peak, greatest_n]: [f64; 2],
+    system: &mut System,
+) {
     let count = parameters.values.len();
     let mut add = |index: usize, mean: f64, sigma: f64| {
         let mut row = vec![0.0; count];
@@ -140,11 +153,13 @@ fn beforehand(design: &Design, parameters: &Parameters, peak: f64, system: &mut 
     for index in 0..BASE {
         add(index, 0.0, 3.0 * peak);
     }
-    for index in BASE..BASE + 2 * BY_RADIUS {
+    for index in BASE..PSI {
         add(index, 0.0, peak);
     }
-    // A bend that changes the largest reading by half.
-    add(BEND, 0.0, 0.5 / peak);
+    // It changes the largest reading by half at the greatest force.
+    for index in PSI..COMMON {
+        add(index, 0.0, 0.5 * peak / greatest_n);
+    }
     for (coil, nominal_m) in design.coils_m.iter().enumerate() {
         add(parameters.gain(coil), 0.0, design.gain_tolerance);
         for (index, nominal_m) in parameters.place(coil).zip(nominal_m) {
@@ -170,7 +185,7 @@ fn rows(
         .map(|coil| parameters.predict(coil, press.at()))
         .collect();
     let sigmas = design.press_sigmas();
-    let form = form * largest(&press.readings);
+    let of_largest = FORM_OF_LARGEST * largest(&press.readings);
     let variance = |i: usize, j: usize| {
         let common: f64 = (0..4)
             .map(|of| {
@@ -178,7 +193,9 @@ fn rows(
                 a * b
             })
             .sum();
-        let own = design.noise * design.noise + form * form;
+        let reading = press.readings.get(i).copied().unwrap_or(0.0);
+        let left_out = form * reading.hypot(of_largest);
+        let own = design.noise * design.noise + left_out * left_out;
         common + if i == j { own } else { 0.0 }
     };
     let lower = cholesky(parameters.coils, variance)

@@ -17,14 +17,14 @@ mod tests;
 mod tip;
 
 pub use commands::DeclaredIndenter;
-pub use profile::{BASE, BY_RADIUS, Scales};
+pub use profile::{BASE, BENT, BY_RADIUS, Scales};
 pub use reduced::{CommonError, Goal, ReadingError};
 pub use suspect::{Cause, Suspect};
 pub use tip::{Layer, Tip};
 
 use crate::Unusable;
 use crate::least_squares::Covariance;
-use profile::{BEND, Parameters};
+use profile::{COMMON, PSI, Parameters};
 
 /// What is known of the array and of the bench beforehand.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +89,7 @@ pub struct ArrayCalibration {
     design: Design,
     parameters: Parameters,
     covariance: Covariance,
-    /// What the profile's form leaves out, relative to the largest reading.
+    /// What the profile's form leaves out, relative to a reading.
     form: f64,
     presses: usize,
     forces_n: [f64; 2],
@@ -177,13 +177,19 @@ impl ArrayCalibration {
 
     /// Change of the coefficients with the scaled root of the radius, and with its square, 1/N.
     pub fn by_radius(&self) -> [&[f64]; 2] {
-        let (linear, quadratic) = self.parameters.values[BASE..BEND].split_at(BY_RADIUS);
+        let (linear, quadratic) = self.parameters.values[BASE..PSI].split_at(BY_RADIUS);
         [linear, quadratic]
     }
 
-    /// Bend of the readings.
-    pub fn bend(&self) -> f64 {
-        self.parameters.values[BEND]
+    /// Coefficients of the readings' part that grows with the square of the force, 1/N^2: in the middle
+    /// of the radii, change with the scaled root of the radius, and with its square.
+    pub fn bent(&self) -> &[f64] {
+        &self.parameters.values[PSI..COMMON]
+    }
+
+    /// Greatest force of the presses, N.
+    pub fn greatest_force_n(&self) -> f64 {
+        self.forces_n[1]
     }
 
     /// Scales of the profile.

@@ -1,6 +1,6 @@
 //! What a coil reads of a press, with derivatives.
 //!
-//! dL_i = g_i f(F Phi(|x - x_i|, a)), with the radial profile Phi as sums of cubic B-splines whose
+//! dL_i = g_i (F Phi(|x - x_i|, a) + F^2 Psi(|x - x_i|, a)), with Phi and Psi as sums of cubic B-splines whose
 //! coefficients are quadratic in s, the root of the contact radius scaled to -1 to 1.
 
 use std::ops::Range;
@@ -9,10 +9,24 @@ use std::ops::Range;
 pub const BASE: usize = 9;
 /// Number of coefficients of each change by the radius.
 pub const BY_RADIUS: usize = 5;
-/// All coefficients of the profile, and the bend.
-pub(super) const COMMON: usize = BASE + 2 * BY_RADIUS + 1;
-/// Index of the bend.
-pub(super) const BEND: usize = COMMON - 1;
+/// Number of coefficients of each part of Psi.
+pub const BENT: usize = 4;
+/// Index of the first coefficient of Psi.
+pub(super) const PSI: usize = BASE + 2 * BY_RADIUS;
+/// All coefficients of the profile.
+pub(super) const COMMON: usize = PSI + 3 * BENT;
+
+/// Spline of a coefficient, and the power of s that multiplies it.
+const fn part(index: usize) -> (usize, i32) {
+    match index {
+        0..BASE => (index, 0),
+        BASE..PSI => (
+            (index - BASE) % BY_RADIUS,
+            1 + ((index - BASE) / BY_RADIUS) as i32,
+        ),
+        _ => ((index - PSI) % BENT, ((index - PSI) / BENT) as i32),
+    }
+}
 
 /// Scales of a profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,35 +89,36 @@ impl Parameters {
         let splines: Vec<[f64; 2]> = (0..BASE)
             .map(|j| even_spline(distance_m / self.scales.spacing_m, j))
             .collect();
-        let factor = |index: usize| match index {
-            0..BASE => (index, 1.0, 0.0),
-            _ if index < BASE + BY_RADIUS => (index - BASE, s, 1.0),
-            _ => (index - BASE - BY_RADIUS, s * s, 2.0 * s),
-        };
-        let (mut phi, mut by_distance, mut by_shape) = (0.0, 0.0, 0.0);
-        for (index, coefficient) in self.values[..BEND].iter().enumerate() {
-            let (j, of_shape, slope) = factor(index);
-            let [spline, spline_slope] = splines[j];
-            phi += coefficient * spline * of_shape;
-            by_distance += coefficient * spline_slope * of_shape / self.scales.spacing_m;
-            by_shape += coefficient * spline * slope;
-        }
-        let (value, slope, by_bend) = curve(self.values[BEND], force_n * phi);
-        let scale = gain * slope * force_n;
-        let [by_x, by_y] = [dx, dy].map(|d| scale * by_distance * d / distance_m.max(1e-12));
+        let (mut value, mut by_distance, mut by_ln_force, mut by_shape) = (0.0, 0.0, 0.0, 0.0);
         let mut by_parameters = vec![0.0; self.values.len()];
-        for (index, by) in by_parameters[..BEND].iter_mut().enumerate() {
-            let (j, of_shape, _) = factor(index);
-            *by = scale * splines[j][0] * of_shape;
+        for (index, coefficient) in self.values[..COMMON].iter().enumerate() {
+            let (j, power) = part(index);
+            let [spline, spline_slope] = splines[j];
+            let order = if index < PSI { 1 } else { 2 };
+            let forces = force_n.powi(order);
+            let of_shape = forces * s.powi(power);
+            by_parameters[index] = gain * of_shape * spline;
+            value += coefficient * of_shape * spline;
+            by_distance += coefficient * of_shape * spline_slope / self.scales.spacing_m;
+            by_ln_force += f64::from(order) * coefficient * of_shape * spline;
+            if power > 0 {
+                let slope = f64::from(power) * s.powi(power - 1);
+                by_shape += coefficient * forces * slope * spline;
+            }
         }
-        by_parameters[BEND] = gain * by_bend;
+        let [by_x, by_y] = [dx, dy].map(|d| gain * by_distance * d / distance_m.max(1e-12));
         by_parameters[self.gain(coil)] = gain * value;
         by_parameters[place.start] = -by_x;
         by_parameters[place.start + 1] = -by_y;
         Predicted {
             value: gain * value,
             by_parameters,
-            by_press: [by_x, by_y, scale * phi, scale * by_shape * s_by_ln_radius],
+            by_press: [
+                by_x,
+                by_y,
+                gain * by_ln_force,
+                gain * by_shape * s_by_ln_radius,
+            ],
         }
     }
 
@@ -140,17 +155,6 @@ fn even_spline(x: f64, j: usize) -> [f64; 2] {
     [right[0] + left[0], right[1] + left[1]]
 }
 
-/// f(y), its slope, and its derivative by the bend.
-fn curve(bend: f64, y: f64) -> (f64, f64, f64) {
-    let bent = bend * y;
-    if bent > 0.0 {
-        (y * (1.0 + bent), 1.0 + 2.0 * bent, y * y)
-    } else {
-        let scale = 1.0 / (1.0 - bent);
-        (y * scale, scale * scale, y * y * scale * scale)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,7 +169,6 @@ mod tests {
         for (index, value) in parameters.values.iter_mut().enumerate() {
             *value += 1e-4 * (1.0 + (1.3 * index as f64).sin());
         }
-        parameters.values[BEND] = 30.0;
         for at in [[1e-3, 2e-3, 0.3, -6.2], [-4e-3, 5e-3, -0.5, -5.6]] {
             for coil in 0..2 {
                 let exact = parameters.predict(coil, at);

@@ -6,7 +6,7 @@
 //! the place has the mean variance that C gives. The rest of the variances of ln F and ln a is common
 //! to all coils.
 
-use super::fit::cholesky;
+use super::fit::{FORM_OF_LARGEST, cholesky};
 use super::profile::{At, Predicted};
 use super::{ArrayCalibration, Design, KnownPress};
 use crate::Unusable;
@@ -128,10 +128,11 @@ impl ArrayCalibration {
     pub(super) fn reduced(&self) -> Result<(ReadingError, CommonError), Unusable> {
         let points = self.lattice();
         let diagonal = independent(&points);
-        let whole = ReadingError {
-            of_largest: diagonal.of_largest.hypot(self.form),
-            ..diagonal
+        let with_form = |of: ReadingError| ReadingError {
+            relative: of.relative.hypot(self.form),
+            of_largest: of.of_largest.hypot(FORM_OF_LARGEST * self.form),
         };
+        let whole = with_form(diagonal);
         let [exact, stated] = self.moved(&points, (whole, diagonal))?;
         // Errors that coils have in common move a place less than independent ones.
         let share = ((exact[0] + exact[1]) / (stated[0] + stated[1])).min(1.0);
@@ -139,10 +140,7 @@ impl ArrayCalibration {
             relative: diagonal.relative * share.sqrt(),
             of_largest: diagonal.of_largest * share.sqrt(),
         };
-        let error = ReadingError {
-            of_largest: own.of_largest.hypot(self.form),
-            ..own
-        };
+        let error = with_form(own);
         let [exact, stated] = self.moved(&points, (error, own))?;
         let sum = std::array::from_fn(|i| exact[i] - stated[i]);
         let (rest, bench) = (common(sum), self.design.bench.common);

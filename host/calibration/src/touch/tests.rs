@@ -1,7 +1,7 @@
 //! Calibration on a world in closed form, and estimates by the instrument's own arithmetic with it.
 
 use palpate_model::touch as instrument;
-use palpate_model::units::Metre;
+use palpate_model::units::{Metre, Newton};
 use palpate_sim::random::Stream;
 
 use super::*;
@@ -97,6 +97,7 @@ fn array(calibration: &ArrayCalibration, reach_m: f64) -> instrument::Array {
     let table = |of: &[f64]| of.iter().map(|c| *c as f32).collect::<Vec<_>>();
     let [linear, quadratic] = calibration.by_radius();
     let [least, greatest] = calibration.scales().radii_m;
+    let bent = table(calibration.bent());
     let profile = instrument::Profile::new(instrument::Coefficients {
         spacing: Metre(calibration.scales().spacing_m as f32),
         least_radius: Metre(least as f32),
@@ -104,7 +105,8 @@ fn array(calibration: &ArrayCalibration, reach_m: f64) -> instrument::Array {
         base: table(calibration.base()).try_into().unwrap(),
         linear: table(linear).try_into().unwrap(),
         quadratic: table(quadratic).try_into().unwrap(),
-        bend: calibration.bend() as f32,
+        bent: bent.as_chunks().0.try_into().unwrap(),
+        greatest_force: Newton(calibration.greatest_force_n() as f32),
     });
     let coil = |coil: &CalibratedCoil| instrument::Coil {
         x: Metre(coil.place_m[0] as f32),
@@ -211,13 +213,12 @@ fn presses_are_found_with_the_calibration() {
             let calibration = calibrate(&rig.design, &presses).unwrap();
             if seed <= 3 {
                 println!(
-                    "{:?} {:?} form {:.4}, residuals {:.2}, added {:?}, bend {:.2}",
+                    "{:?} {:?} form {:.4}, residuals {:.2}, added {:?}",
                     calibration.reading_error,
                     calibration.common_error,
                     calibration.form,
                     calibration.residual_ratio,
                     calibration.added_errors().unwrap(),
-                    calibration.bend(),
                 );
             }
             assert!(
@@ -336,7 +337,7 @@ fn bad_presses_are_named_with_their_cause() {
 #[test]
 fn as_many_presses_as_stated_are_enough() {
     let mut rig = Rig::new(&three_around_one(), 31);
-    let presses = rig.presses(30);
+    let presses = rig.presses(45);
     let few = calibrate(&rig.design, &presses).unwrap();
     let added = few.added_errors().unwrap();
     let goal = Goal {
@@ -344,8 +345,8 @@ fn as_many_presses_as_stated_are_enough() {
         ln_force: added.ln_force / 1.3,
     };
     let more = few.more_presses(&goal).unwrap();
-    assert!((30..=45).contains(&more), "{more}");
-    let presses = rig.presses(30 + more as u32);
+    assert!((45..=65).contains(&more), "{more}");
+    let presses = rig.presses(45 + more as u32);
     let all = calibrate(&rig.design, &presses).unwrap();
     let reached = all.added_errors().unwrap();
     println!("{added:?}, {more} more: {reached:?}");

@@ -195,7 +195,8 @@ pub fn array(one: f32) -> Option<Array> {
         base: table([2_200, 1_700, 400, -220, -240, -120, -60, -30, -15]),
         linear: [a, b, c, d, e],
         quadratic: [b, a, d, c, e],
-        bend: 2.0,
+        bent: [[90e-5, 60e-5, 5e-5, 0.0], [a, b, c, 0.0], [b, c, 0.0, 0.0]],
+        greatest_force: Newton(2.0),
     });
     let coil = |x: f32, y: f32| Coil {
         x: Metre(x * one),

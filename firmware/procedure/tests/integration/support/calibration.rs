@@ -139,6 +139,9 @@ pub(crate) fn array_numbers() -> Vec<f32> {
     numbers.extend([0.05, 0.03, 5e-3, -4e-3, -2e-3, -5e-4, 0.0, 0.0, 0.0]);
     numbers.extend([-0.01, -3e-3, 2e-3, 1e-3, 0.0]);
     numbers.extend([2e-3, 5e-4, -5e-4, 0.0, 0.0]);
+    numbers.extend([
+        2e-3, 1e-3, 1e-4, 0.0, -1e-3, -5e-4, 0.0, 0.0, 2e-4, 1e-4, 0.0, 0.0,
+    ]);
     for [x, y] in [[0.0, 0.0], [0.0, 6e-3], [5.2e-3, -3e-3], [-5.2e-3, -3e-3]] {
         numbers.extend([x, y, 1.0, 1e-5]);
     }

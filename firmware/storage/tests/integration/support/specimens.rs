@@ -221,9 +221,9 @@ pub(crate) fn fullest() -> Vec<Command> {
     commands.extend((0..5_u8).map(|chunk| {
         let first = NUMBERS_PER_CHUNK as u8 * chunk;
         Command::SetTouchArray(TouchArray {
-            total: 68,
+            total: 80,
             first,
-            numbers: (first..68).take(NUMBERS_PER_CHUNK).map(f32::from).collect(),
+            numbers: (first..80).take(NUMBERS_PER_CHUNK).map(f32::from).collect(),
         })
     }));
     commands.extend(identity);
