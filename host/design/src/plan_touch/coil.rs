@@ -46,6 +46,19 @@ impl Winding {
         (near - far) / (2.0 * step_m)
     }
 
+    /// Inductance beside a slab of this thickness, m, H.
+    pub(super) fn inductance_h(&self, slab_m: f64) -> f64 {
+        let design = self.design(slab_m);
+        let effect = CoilIntegral::new(design, None);
+        effect.inductance_h(self.depth_m)
+    }
+
+    /// Sum of the turns' a J1(k a), m.
+    pub(super) fn wave(&self, k: f64) -> f64 {
+        let radii_m = self.design(self.outer_m);
+        radii_m.radii_m().map(|a_m| a_m * libm::j1(k * a_m)).sum()
+    }
+
     /// Weight s of a displacement at the distance `r_m` from the coil's axis, (A/m)^2 for 1 A.
     pub(super) fn weight(&self, r_m: f64) -> f64 {
         let design = self.design(self.outer_m);

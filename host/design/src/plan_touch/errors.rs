@@ -254,6 +254,7 @@ fn transposed(matrix: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::inside::{Inside, Shape};
     use super::*;
     use crate::plan_touch::layout::text_of;
 
@@ -263,8 +264,23 @@ pub(super) mod tests {
         radius_ln: 0.2,
     };
 
+    /// A built-in layout with its centres at 6 mm, and the coils that the other program computed.
+    pub(in crate::plan_touch) fn earlier(name: &str) -> Layout {
+        let mut layout = Layout::parse("test", &text_of(name).unwrap()).unwrap();
+        for coil in &mut layout.coils {
+            coil.centre_m = coil.centre_m.map(|of| of * 6.0 / 5.6);
+            coil.winding.outer_m = 6.75e-3;
+            coil.winding.depth_m = 0.6e-3;
+        }
+        layout.noise = Noise::Approach(1e-7);
+        let margin_m = if layout.coils.len() == 4 { -2e-3 } else { 0.0 };
+        let centres: Vec<_> = layout.coils.iter().map(|coil| coil.centre_m).collect();
+        layout.inside = Inside::new(Shape::Disc, margin_m, &centres);
+        layout
+    }
+
     pub(in crate::plan_touch) fn three_around_one() -> Layout {
-        Layout::parse("test", &text_of("three-around-one").unwrap()).unwrap()
+        earlier("three-around-one")
     }
 
     /// Four coils of the built-in layout at the corners of a square of 10 mm.
@@ -274,8 +290,7 @@ pub(super) mod tests {
         for (coil, centre_m) in layout.coils.iter_mut().zip(corners) {
             coil.centre_m = centre_m;
         }
-        layout.inside =
-            super::super::inside::Inside::new(super::super::inside::Shape::Hull, 0.0, &corners);
+        layout.inside = Inside::new(Shape::Hull, 0.0, &corners);
         layout
     }
 

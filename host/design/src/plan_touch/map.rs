@@ -95,15 +95,14 @@ impl Map {
 
 #[cfg(test)]
 mod tests {
-    use super::super::errors::tests::{LIMITS, square, three_around_one};
-    use super::super::layout::text_of;
+    use super::super::errors::tests::{LIMITS, earlier, square, three_around_one};
     use super::*;
 
     /// Shares of the inside within all limits, per cent, for contacts of 2 and 4 mm, against another program (Python with
     /// SciPy, on another lattice).
     #[test]
     fn the_shares_are_those_of_another_program() {
-        let seven = Layout::parse("test", &text_of("seven").unwrap()).unwrap();
+        let seven = earlier("seven");
         for (layout, expected) in [
             (three_around_one(), [93.0, 99.0]),
             (seven, [97.0, 100.0]),

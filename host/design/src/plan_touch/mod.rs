@@ -1,6 +1,7 @@
 //! `palpate plan-touch`: what a layout of sensing coils can determine of a press.
 
 mod coil;
+mod coupling;
 mod errors;
 mod inside;
 mod layer;

@@ -6,6 +6,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
+use super::coupling;
 use super::errors::Limits;
 use super::inside::Shape;
 use super::layout::{Layout, Noise, Radius};
@@ -30,6 +31,7 @@ pub(super) fn text(layout: &Layout, limits: &Limits, maps: &[Map]) -> String {
     for map in maps {
         text.push_str(&remarks(map, limits));
     }
+    text.push_str(&coupling::text(layout));
     text.push_str(&edge(layout));
     text.push_str("A linear calculation for a design.\n");
     text

@@ -49,12 +49,12 @@ fn the_shown_file_is_the_layout_and_a_square_of_it_does_not_separate() {
     // Four coils at the corners of a square of 10 mm.
     let mut square = text
         .replace("\"disc\"", "\"hull\"")
-        .replace("margin_m = -2e-3", "margin_m = 0.0");
+        .replace("margin_m = -2.8e-3", "margin_m = 0.0");
     for (from, to) in [
         ("x_m = 0.0\ny_m = 0.0", "x_m = 5e-3\ny_m = 5e-3"),
-        ("x_m = 0.0\ny_m = 6e-3", "x_m = -5e-3\ny_m = 5e-3"),
-        ("x_m = 5.196e-3\ny_m = -3e-3", "x_m = 5e-3\ny_m = -5e-3"),
-        ("x_m = -5.196e-3\ny_m = -3e-3", "x_m = -5e-3\ny_m = -5e-3"),
+        ("x_m = 0.0\ny_m = 5.6e-3", "x_m = -5e-3\ny_m = 5e-3"),
+        ("x_m = 4.850e-3\ny_m = -2.8e-3", "x_m = 5e-3\ny_m = -5e-3"),
+        ("x_m = -4.850e-3\ny_m = -2.8e-3", "x_m = -5e-3\ny_m = -5e-3"),
     ] {
         assert!(square.contains(from), "{from}");
         square = square.replace(from, to);
