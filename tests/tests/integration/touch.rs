@@ -79,7 +79,7 @@ fn calibrated(sensor: &TouchSensor, reach_m: f64) -> ArrayCalibration {
             let share = (hole as f64 + 0.5) / 40.0;
             let (r, angle) = ((reach_m + 2e-3) * share.sqrt(), 2.399_963 * hole as f64);
             let place_m = [r * angle.cos(), r * angle.sin()];
-            // Within what the estimate's bend describes.
+            // About the depth of the press that is judged.
             let demand = Demand::Depth(0.1e-3 + 0.15e-3 * (7.0 * share).fract());
             let press = Press { place_m, demand };
             let mut one = pressing.again(hole as u64);
@@ -240,7 +240,7 @@ impl Case {
     fn four() -> Self {
         Self {
             layout: Layout::three_around_one(),
-            reach_m: 4e-3,
+            reach_m: 2.8e-3,
             rate_hz: 250.0,
             channels: 0b1111,
             // The ball of 10 mm by Hertz, wider than on this layer.
@@ -255,7 +255,7 @@ impl Case {
     fn seven() -> Self {
         Self {
             layout: Layout::seven(),
-            reach_m: 6e-3,
+            reach_m: 5.6e-3,
             rate_hz: 140.0,
             channels: 0b111_1111,
             indenter: None,

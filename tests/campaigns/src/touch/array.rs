@@ -2,7 +2,7 @@
 
 use palpate_calibration::touch::ArrayCalibration;
 use palpate_model::touch as model;
-use palpate_model::units::Metre;
+use palpate_model::units::{Metre, Newton};
 
 /// The array as the instrument takes it.
 pub(super) fn array(
@@ -14,6 +14,7 @@ pub(super) fn array(
     let [linear, quadratic] = calibration.by_radius();
     let scales = calibration.scales();
     let [least_m, greatest_m] = scales.radii_m;
+    let bent: Vec<_> = table(calibration.bent()).as_chunks().0.to_vec();
     let profile = model::Profile::new(model::Coefficients {
         spacing: Metre(scales.spacing_m as f32),
         least_radius: Metre(least_m as f32),
@@ -21,7 +22,8 @@ pub(super) fn array(
         base: table(calibration.base()).try_into().ok()?,
         linear: table(linear).try_into().ok()?,
         quadratic: table(quadratic).try_into().ok()?,
-        bend: calibration.bend() as f32,
+        bent: bent.try_into().ok()?,
+        greatest_force: Newton(calibration.greatest_force_n() as f32),
     });
     let coils: Vec<_> = calibration
         .coils()

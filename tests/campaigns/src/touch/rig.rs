@@ -24,13 +24,9 @@ const LAYER: Layer = Layer {
     shear_modulus_pa: 100e3,
     poisson: 0.5,
 };
-/// Turns below the elastomer, m, in place of the layouts' 0.6 mm, and depths of the presses, m. A reading
-/// also grows with the square of the approach over the gap, which one bend follows in part: with idle
-/// coils open, six sensors of seven coils from seed 101 had mean squares of errors over sigmas of 4.1
-/// (force) and 12 (radius) at 0.6 mm and depths of 0.1 to 0.4 mm, and 1.0 and 1.8 with these. At 3.6 mm
-/// and 140 scans/s places are 1.6 times as uncertain as at 2 mm, by noise.
-const GAP_M: f64 = 3e-3;
-const DEPTHS_M: [f64; 2] = [0.04e-3, 0.16e-3];
+/// Depths of the presses, m: the part of a reading beyond the second order grows with the depth, and
+/// noise outweighs all else in presses below.
+const DEPTHS_M: [f64; 2] = [0.15e-3, 0.4e-3];
 /// Radii of contact of the calibration and of the presses that are judged, m: a fit at an end of the
 /// calibrated range claims no radius.
 const RADII_M: [f64; 2] = [0.8e-3, 6e-3];
@@ -70,8 +66,8 @@ const HOLES: u32 = 50;
 const BEYOND_M: f64 = 2e-3;
 /// Scans of the untouched sensor: their mean is the zero, their scatter the noise.
 const BASELINE: u32 = 64;
-/// Quantisation falls with the length of a conversion: a third of that at 140 scans/s.
-const SCANS_PER_S: f64 = 50.0;
+/// Quantisation falls with the length of a conversion: half of that at 140 scans/s.
+pub(super) const SCANS_PER_S: f64 = 80.0;
 /// Steps on the way down in which the layer's creep is followed.
 const WAY_DOWN: u32 = 8;
 /// Time of the way down, and from its end to the reading, s; each press takes 0.8 to 1.25 of both.
@@ -102,14 +98,10 @@ impl Kind {
     }
 
     fn layout(self) -> Layout {
-        let mut layout = match self {
+        match self {
             Self::ThreeAroundOne => Layout::three_around_one(),
             Self::Seven => Layout::seven(),
-        };
-        for coil in &mut layout.coils {
-            coil.design.gap_at_rest_m = GAP_M;
         }
-        layout
     }
 
     const fn is_declared(self) -> bool {
@@ -119,8 +111,8 @@ impl Kind {
     /// Radius of the disc within which presses are claimed, m.
     pub(super) const fn reach_m(self) -> f64 {
         match self {
-            Self::ThreeAroundOne => 4e-3,
-            Self::Seven => 6e-3,
+            Self::ThreeAroundOne => 2.8e-3,
+            Self::Seven => 5.6e-3,
         }
     }
 }
@@ -180,13 +172,16 @@ pub(super) struct Rig<'a> {
     noise: f64,
 }
 
-/// Draws a sensor. Idle coils are shorted, as drawn, or open.
-pub(super) fn draw(kind: Kind, seed: u64, idle_shorted: bool) -> Result<TouchSensor, Failure> {
+/// Draws a sensor.
+pub(super) fn draw(kind: Kind, seed: u64) -> Result<TouchSensor, Failure> {
     let drawn = TouchParameters::draw(&kind.layout(), &LAYER, seed).map_err(LoadError::from)?;
-    Ok(TouchSensor::new(TouchParameters {
-        idle_shorted,
-        ..drawn
-    }))
+    let sensor = TouchSensor::new(drawn);
+    if let [[one, other], ..] = sensor.locked()[..] {
+        return Err(Failure::Refused(format!(
+            "coils {one} and {other} lock to one frequency"
+        )));
+    }
+    Ok(sensor)
 }
 
 impl<'a> Rig<'a> {
