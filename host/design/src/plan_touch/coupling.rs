@@ -158,7 +158,7 @@ mod tests {
         ] {
             let found = pair(1e-3 * outer_mm, 1e-3 * apart_mm).factor;
             assert!(
-                (found - expected).abs() < 0.02,
+                (found - expected).abs() < 0.03,
                 "{outer_mm} {apart_mm}: {found}"
             );
         }
