@@ -28,9 +28,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let python = ENVIRONMENT.install(workspace)?;
     let cargo = |words: &str| workspace.run(&cargo(words));
     cargo("fmt --manifest-path ros/Cargo.toml --check")?;
-    cargo(
-        "clippy --locked --release --all-targets --manifest-path ros/Cargo.toml -- -D warnings",
-    )?;
+    cargo("clippy --locked --release --all-targets --manifest-path ros/Cargo.toml -- -D warnings")?;
     let rules = "--manifest-path ros/Cargo.toml --config deny.toml";
     cargo(&format!("deny --locked {rules} check licenses sources"))?;
     cargo("test --locked --release --manifest-path ros/Cargo.toml --lib")?;
@@ -56,7 +54,10 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
         .with_env("PLAYED_BOARDS", &text(&boards)?)
         .with_env("AMENT_PREFIX_PATH", &prefixes.join(":"))
         .with_env("LD_LIBRARY_PATH", &paths("lib").join(":"))
-        .with_env("PYTHONPATH", &paths("lib/python3.11/site-packages").join(":"));
+        .with_env(
+            "PYTHONPATH",
+            &paths("lib/python3.11/site-packages").join(":"),
+        );
     workspace
         .run(&tests)
         .context("this needs `unshare` and `ip`, which are in util-linux and iproute2")?;
