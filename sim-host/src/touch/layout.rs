@@ -26,7 +26,7 @@ pub struct Coil {
 
 /// The winding of the built-in layouts: diameters of 10 and 3.5 mm, ten turns, 3 mm below a slab of 2 mm
 /// (docs/touch.md).
-const WINDING: CoilDesign = CoilDesign {
+pub(super) const WINDING: CoilDesign = CoilDesign {
     outer_diameter_m: 10e-3,
     inner_diameter_m: 3.5e-3,
     turns: 10,

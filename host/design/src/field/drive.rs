@@ -118,15 +118,21 @@ pub(super) fn field_of(
     solve(design, excitation, &effort.accuracy()).map_err(|error| refused(design, &error))
 }
 
-/// Solves the field of any excitation for what is wanted; its accuracy is not checked.
+/// Solves the field of any excitation for what is wanted; its accuracy is not checked. Without a
+/// choice of figures the field is solved everywhere: that takes longer, and its estimates have
+/// covered the true errors of all designs, which those of single figures do not
+/// (docs/field.md).
 pub(super) fn field_for(
     design: &Design,
     excitation: &Excitation,
     effort: &Effort,
     wanted: Wanted<'_>,
 ) -> Result<Solved, Failure> {
-    solve_for(design, excitation, &effort.accuracy(), wanted)
-        .map_err(|error| refused(design, &error))
+    match wanted {
+        Wanted::Figures => field_of(design, excitation, effort),
+        Wanted::Only(_) => solve_for(design, excitation, &effort.accuracy(), wanted)
+            .map_err(|error| refused(design, &error)),
+    }
 }
 
 fn refused(design: &Design, error: &SolveError) -> Failure {
