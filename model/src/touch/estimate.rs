@@ -207,24 +207,29 @@ impl Array {
             prior: &prior,
         };
         let begun = || {
-            let state = start(self, &scan, &prior)?;
-            let (length, scans) = (1.0, 0);
             Some(Point {
-                state,
-                length,
-                scans,
+                state: start(self, &scan, &prior)?,
+                motion: [0.0; UNKNOWNS],
+                length: 1.0,
+                scans: 1,
             })
         };
         let Some(point) = earlier.or_else(begun) else {
             return Verdict::NotConverged;
         };
-        let (verdict, state, length) = fit.from(point.state, point.length, EVALUATIONS_PER_SCAN);
+        let ahead = point.state.after(&point.motion);
+        let (verdict, state, length) = fit.from(ahead, point.length, EVALUATIONS_PER_SCAN);
         let (length, scans) = match verdict.claimed() {
             Some(_) => (1.0, 0),
             None => (length, point.scans + 1),
         };
+        let motion = match (point.scans, scans) {
+            (0, 0) => state.since(&point.state),
+            _ => [0.0; UNKNOWNS],
+        };
         track.0 = (scans <= MOST_SCANS).then_some(Point {
             state,
+            motion,
             length,
             scans,
         });
@@ -254,6 +259,9 @@ pub struct Track(Option<Point>);
 #[derive(Clone, Copy, Debug)]
 struct Point {
     state: State,
+    /// Change of the state from one claimed scan to the next, by which the next fit starts ahead: a press
+    /// that slides would else be behind by more than two evaluations make good.
+    motion: Vector,
     /// Part of a step to go next.
     length: f32,
     /// Scans since one was claimed.
@@ -513,6 +521,15 @@ impl State {
             *to += by;
         }
         Self(next)
+    }
+
+    /// The step from an earlier state to this one.
+    fn since(&self, Self(earlier): &Self) -> Vector {
+        let mut step = self.0;
+        for (to, from) in step.iter_mut().zip(earlier) {
+            *to -= from;
+        }
+        step
     }
 }
 

@@ -271,7 +271,8 @@ fn a_track_has_the_answers_of_a_whole_fit() {
                 Indenter::Unknown
             };
             for scan in 0..50 {
-                let along = 80e-6 * f64::from(scan) - 2e-3;
+                // A press that slides faster and faster, at last by 0.2 mm from scan to scan.
+                let along = 2e-6 * f64::from(scan * scan) - 3e-3;
                 let force_n = 0.2 + 0.05 * f64::from(press);
                 let truth = [along, 1e-3, force_n, 2e-3];
                 let mut readings = sensor.scan(&[truth]);

@@ -217,11 +217,11 @@ impl Reading {
                     }
                 }
             }
-            let [lower, upper] = [0, 1]
-                .map(|face| area_m2 * (density(&sums[face]) - density(&[own[face], [0.0; 3]])));
+            let [lower, upper] = sums.map(|sum| density(&sum));
+            let [lower_alone, upper_alone] = own.map(|field| density(&[field, [0.0; 3]]));
             Moved {
-                lower_m: lower,
-                upper_m: -upper,
+                lower_m: area_m2 * (lower - lower_alone),
+                upper_m: -area_m2 * (upper - upper_alone),
             }
         };
         self.areas_m2().zip(self.samples()).map(at).collect()

@@ -24,6 +24,14 @@ pub struct Coil {
     pub design: CoilDesign,
 }
 
+impl Coil {
+    /// Place of its axis from that of another coil, m.
+    pub(super) fn seen_from(&self, other: &Self) -> [f64; 2] {
+        let ([x_m, y_m], [from_x_m, from_y_m]) = (self.centre_m, other.centre_m);
+        [x_m - from_x_m, y_m - from_y_m]
+    }
+}
+
 /// The winding of the built-in layouts: diameters of 10 and 3.5 mm, ten turns, 3 mm below a slab of 2 mm
 /// (docs/touch.md).
 pub(super) const WINDING: CoilDesign = CoilDesign {

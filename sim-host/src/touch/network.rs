@@ -88,11 +88,11 @@ impl Network {
         let rate = |inductance_h: f64| 1.0 / libm::sqrt(inductance_h * tank.capacitance_f);
         let mut inductance_h = tank.inductance_h;
         for _ in 0..STEPS {
-            (inductance_h, _) = self.at(index, rate(inductance_h));
+            (inductance_h, _) = self.at(index, tank, rate(inductance_h));
         }
         let omega = rate(inductance_h);
-        let (_, currents) = self.at(index, omega);
-        let (higher_h, _) = self.at(index, BESIDE * omega);
+        let (_, currents) = self.at(index, tank, omega);
+        let (higher_h, _) = self.at(index, tank, BESIDE * omega);
         // d(ln omega) is -dL/2L.
         let slope_h = (higher_h - inductance_h) / (BESIDE - 1.0);
         Some(Converted {
@@ -107,54 +107,56 @@ impl Network {
         row.and_then(|row| row.get(other)).copied().unwrap_or(0.0)
     }
 
-    /// Inductance of a coil at an angular frequency, H, and the currents of all coils.
-    fn at(&self, index: usize, omega: f64) -> (f64, Vec<Complex>) {
-        let count = self.tanks.len();
-        let others: Vec<usize> = (0..count).filter(|other| *other != index).collect();
+    /// Inductance of a coil with this tank at an angular frequency, H, and the currents of all coils.
+    fn at(&self, index: usize, own: &Tank, omega: f64) -> (f64, Vec<Complex>) {
+        let others = || {
+            let tanks = self.tanks.iter().enumerate();
+            tanks.filter(move |(other, _)| *other != index)
+        };
         // Z u = -j omega M, with u = p + j q: R p - X q = 0 and X p + R q = -omega M.
-        let size = others.len();
-        let mut rows = vec![vec![0.0; 2 * size + 1]; 2 * size];
-        for (i, &one) in others.iter().enumerate() {
-            for (j, &other) in others.iter().enumerate() {
-                let [r, x] = if i == j {
-                    self.loop_ohm(one, index, omega)
+        let equations = |(one, tank): (usize, &Tank)| {
+            let impedance = |(other, _)| {
+                if other == one {
+                    loop_ohm(tank, one == beside(index), omega)
                 } else {
                     [0.0, omega * self.mutual(one, other)]
-                };
-                rows[i][j] = r;
-                rows[i][size + j] = -x;
-                rows[size + i][j] = x;
-                rows[size + i][size + j] = r;
+                }
+            };
+            let (r, x): (Vec<f64>, Vec<f64>) = others().map(impedance).map(Into::into).unzip();
+            let opposite = x.iter().map(|x| -x);
+            let real: Vec<f64> = r.iter().copied().chain(opposite).chain([0.0]).collect();
+            let source = -omega * self.mutual(index, one);
+            let imaginary = x.iter().chain(&r).copied().chain([source]).collect();
+            [real, imaginary]
+        };
+        let solution = solved(others().flat_map(equations).collect());
+        let (real, imaginary) = solution.split_at(solution.len() / 2);
+        let mut induced = real.iter().zip(imaginary).map(|(p, q)| [*p, *q]);
+        let mut inductance_h = own.inductance_h;
+        let current = |coil: usize| {
+            if coil == index {
+                return [1.0, 0.0];
             }
-            rows[size + i][2 * size] = -omega * self.mutual(index, one);
-        }
-        let solution = solved(rows);
-        let mut inductance_h = self.tanks[index].inductance_h;
-        let mut currents = vec![[0.0; 2]; count];
-        currents[index] = [1.0, 0.0];
-        for (i, &other) in others.iter().enumerate() {
-            currents[other] = [solution[i], solution[size + i]];
-            inductance_h += self.mutual(index, other) * solution[i];
-        }
+            let current = induced.next().unwrap_or_default();
+            inductance_h += self.mutual(index, coil) * current[0];
+            current
+        };
+        let currents = (0..self.tanks.len()).map(current).collect();
         (inductance_h, currents)
     }
+}
 
-    /// Impedance around the loop of a coil while another is converted, ohm.
-    fn loop_ohm(&self, index: usize, converted: usize, omega: f64) -> Complex {
-        let Tank {
-            inductance_h,
-            capacitance_f,
-        } = self.tanks[index];
-        let susceptance = omega * capacitance_f;
-        let [r, x] = if index == beside(converted) {
-            [0.0, -1.0 / susceptance]
-        } else {
-            let conductance = 0.5 / SWITCH_OHM;
-            let square = conductance * conductance + susceptance * susceptance;
-            [conductance / square, -susceptance / square]
-        };
-        [COIL_OHM + r, omega * inductance_h + x]
-    }
+/// Impedance around the loop of a coil, idle or a tank that oscillates by itself, ohm.
+fn loop_ohm(tank: &Tank, oscillates: bool, omega: f64) -> Complex {
+    let susceptance = omega * tank.capacitance_f;
+    let [r, x] = if oscillates {
+        [0.0, -1.0 / susceptance]
+    } else {
+        let conductance = 0.5 / SWITCH_OHM;
+        let square = conductance * conductance + susceptance * susceptance;
+        [conductance / square, -susceptance / square]
+    };
+    [COIL_OHM + r, omega * tank.inductance_h + x]
 }
 
 /// Frequency of a tank, Hz.
@@ -162,28 +164,28 @@ pub(super) fn frequency_hz(inductance_h: f64, capacitance_f: f64) -> f64 {
     1.0 / (TAU * libm::sqrt(inductance_h * capacitance_f))
 }
 
-/// Solves linear equations, each a row with its right side at the end, by elimination with pivots.
+/// Solves linear equations, each a row with its right side at the end, by elimination: of the rows the
+/// one with the greatest first entry is solved for the first unknown.
 fn solved(mut rows: Vec<Vec<f64>>) -> Vec<f64> {
-    let size = rows.len();
-    for column in 0..size {
-        let below = column..size;
-        let pivot = below.max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()));
-        rows.swap(column, pivot.unwrap_or(column));
-        let (done, rest) = rows.split_at_mut(column + 1);
-        let leading = &done[column];
-        for row in rest {
-            let factor = row[column] / leading[column];
-            for (entry, of) in row.iter_mut().zip(leading) {
-                *entry -= factor * of;
-            }
-        }
-    }
-    let mut solution = vec![0.0; size];
-    for index in (0..size).rev() {
-        let row = &rows[index];
-        let known: f64 = (index + 1..size).map(|j| row[j] * solution[j]).sum();
-        solution[index] = (row[size] - known) / row[index];
-    }
+    let first = |row: &Vec<f64>| row.first().copied().unwrap_or(0.0);
+    let greatest = (rows.iter().enumerate())
+        .max_by(|(_, a), (_, b)| first(a).abs().total_cmp(&first(b).abs()))
+        .map(|(index, _)| index);
+    let Some(greatest) = greatest else {
+        return Vec::new();
+    };
+    let pivot = rows.swap_remove(greatest);
+    let without_first = |row: &Vec<f64>| {
+        let factor = first(row) / first(&pivot);
+        let entries = row.iter().zip(&pivot).skip(1);
+        entries.map(|(entry, of)| entry - factor * of).collect()
+    };
+    let mut solution = solved(rows.iter().map(without_first).collect());
+    let known: f64 = (pivot.iter().skip(1).zip(&solution))
+        .map(|(factor, x)| factor * x)
+        .sum();
+    let right = pivot.last().copied().unwrap_or(0.0);
+    solution.insert(0, (right - known) / first(&pivot));
     solution
 }
 

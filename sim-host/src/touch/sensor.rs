@@ -297,7 +297,7 @@ fn network(p: &TouchParameters, coils: &[CoilState]) -> Network {
         capacitance_f: coil.capacitance_f,
     };
     let mutual = |one: &TouchCoil, other: &TouchCoil| {
-        let [x_m, y_m] = [0, 1].map(|i| one.coil.centre_m[i] - other.coil.centre_m[i]);
+        let [x_m, y_m] = one.coil.seen_from(&other.coil);
         mutual_h(&one.coil.design, libm::hypot(x_m, y_m))
     };
     let row = |one| p.coils.iter().map(|other| mutual(one, other)).collect();
@@ -321,7 +321,7 @@ fn induced(
     let others = others.filter(|(other, _)| *other != index);
     let placed: Vec<_> = others
         .map(|(_, ((other, other_state), current))| {
-            let from_m = [0, 1].map(|i| other.coil.centre_m[i] - own.coil.centre_m[i]);
+            let from_m = other.coil.seen_from(&own.coil);
             (from_m, &other_state.reading, *current)
         })
         .collect();

@@ -440,7 +440,10 @@ mod tests {
         let mut layout = Layout::three_around_one();
         layout.coils.truncate(1);
         layout.boundary_m = 3e-3;
-        layout.coils[0].design.gap_at_rest_m = 3e-3;
+        layout.coils[0].design = CoilDesign {
+            gap_at_rest_m: 3e-3,
+            ..COIL
+        };
         let layer = Layer {
             thickness_m: THICKNESS_M,
             shear_modulus_pa: SHEAR_MODULUS_PA,
