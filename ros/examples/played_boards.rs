@@ -192,8 +192,8 @@ impl Board {
             let number = (zero_us + time_us) / period_us % NUMBERS;
             output.send(time_us, &numbered(record, number))?;
             let index = time_us / period_us;
-            if matches!(record, Record::Sample(_)) && index % 100 == 0 {
-                output.send(time_us, &Record::Touch(touch(index % 200 == 0)))?;
+            if matches!(record, Record::Sample(_)) && index.is_multiple_of(100) {
+                output.send(time_us, &Record::Touch(touch(index.is_multiple_of(200))))?;
             }
         }
         Ok(())

@@ -22,8 +22,10 @@ const LAYER: Layer = Layer {
     shear_modulus_pa: 20e3,
     poisson: 0.5,
 };
-/// Noise of a reading at these rates, as relative change of inductance.
-const NOISE: f64 = 1e-5;
+/// Noise of a reading at these rates, as relative change of inductance. A conversion of 0.8 ms counts
+/// whole periods of 40 MHz, 3e-5 of it; twice that in inductance, over the root of 12 and times the root
+/// of 2 for both ends, is 2.5e-5.
+const NOISE: f64 = 3e-5;
 /// The test's press: from 1.2 s on, for two seconds, 1 mm to either side of a place.
 const BEGIN_S: f64 = 1.2;
 const LENGTH_S: f64 = 2.0;
@@ -80,7 +82,7 @@ fn calibrated(sensor: &TouchSensor, reach_m: f64) -> ArrayCalibration {
             let (r, angle) = ((reach_m + 2e-3) * share.sqrt(), 2.399_963 * hole as f64);
             let place_m = [r * angle.cos(), r * angle.sin()];
             // About the depth of the press that is judged.
-            let demand = Demand::Depth(0.1e-3 + 0.15e-3 * (7.0 * share).fract());
+            let demand = Demand::Depth(0.15e-3 + 0.25e-3 * (7.0 * share).fract());
             let press = Press { place_m, demand };
             let mut one = pressing.again(hole as u64);
             let (inductances_h, truth) = one.inductances_h(0.0, &press, &Surroundings::default());
@@ -271,7 +273,7 @@ impl Case {
         let path = |time_s: f64| {
             let is_down = (BEGIN_S..BEGIN_S + LENGTH_S).contains(&time_s);
             // Down within a fifth of a second.
-            let depth_m = 0.25e-3 * (5.0 * (time_s - BEGIN_S)).min(1.0);
+            let depth_m = 0.4e-3 * (5.0 * (time_s - BEGIN_S)).min(1.0);
             Press {
                 place_m: place_m(time_s),
                 demand: Demand::Depth(if is_down { depth_m } else { -1e-3 }),
