@@ -185,19 +185,6 @@ def test_names_frames_and_quality_are_those_asked_for(boards: Play, node: Start,
     assert not missed
 
 
-def test_the_emulated_board_measures_what_is_pressed(emulated: list[str], node: Start, listener: Listen) -> None:
-    hear = listener()
-    results = hear.listen(Stiffness, "/palpate/finger/stiffness")
-    forces = hear.listen(WrenchStamped, "/palpate/finger/force")
-    hear.start()
-    node("--board", "finger=emulated", "--arm", "--", "--load", "1.5", *emulated)
-    wait_until(lambda: any(of.verdict == Stiffness.MEASURED for of in results), 180, "a stiffness")
-    found = next(of for of in results if of.verdict == Stiffness.MEASURED)
-    assert found.lower < found.stiffness < found.upper and found.simulated
-    assert forces[0].header.frame_id == "palpate_finger"
-    assert min(of.wrench.force.z for of in forces) < -0.5 * found.force, "a press pushes along -z"
-
-
 def test_a_recording_is_played_to_its_end(recording: str, node: Start, listener: Listen) -> None:
     hear = listener()
     forces = hear.listen(WrenchStamped, "/palpate/press/force")
