@@ -18,8 +18,10 @@ use super::{Files, dxf, file_stem, kicad};
 const BOARD_M: f64 = 0.25e-3;
 /// Copper, m.
 const COPPER_M: f64 = 35e-6;
-/// From the outermost turn to the rim, and least distance of coils on a board, m.
-const RIM_M: f64 = 1e-3;
+/// From the outermost turn to the rim, m: the tabs of `seven` then lie beside each other.
+const RIM_M: f64 = 2.1e-3;
+/// Least distance of coils on a board, m.
+const APART_M: f64 = 1e-3;
 /// Half of a tab's width, m: two pads 4.4 mm apart.
 const TAB_M: f64 = 3.3e-3;
 /// Least coupling that is listed.
@@ -175,7 +177,7 @@ fn boards(coils: &[ArrayCoil], angles: &[f64]) -> Vec<usize> {
 }
 
 fn overlap(one: &ArrayCoil, other: &ArrayCoil) -> bool {
-    distance_m(one.centre_m, other.centre_m) < one.radii_m[1] + other.radii_m[1] + RIM_M
+    distance_m(one.centre_m, other.centre_m) < one.radii_m[1] + other.radii_m[1] + APART_M
 }
 
 /// Whether the leads of `one`, in this direction, cross the other coil.
