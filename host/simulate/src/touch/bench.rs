@@ -11,6 +11,7 @@ use palpate_sim::random::Stream;
 use palpate_sim::stack::LoadError;
 use palpate_sim::touch::{
     Demand, Indenter, Layer, Layout, Press, Pressing, Sequence, Surroundings, TouchSensor,
+    TouchTruth,
 };
 use palpate_wire::Command;
 
@@ -20,13 +21,11 @@ const LAYER: Layer = Layer {
     shear_modulus_pa: 100e3,
     poisson: 0.5,
 };
-/// Turns below the elastomer, m, and depths of the bench's presses, m. Readings of deeper presses, or of
-/// coils nearer to the elastomer, curve more than the profile describes; with 3 mm, noise kept a third to
-/// four fifths of the scans of a press, a slide and a roll of 0.1 to 0.12 mm from converging (seed 1).
-const GAP_M: f64 = 1e-3;
-const DEPTHS_M: [f64; 2] = [0.04e-3, 0.16e-3];
+/// Depths of the bench's presses, m: readings of deeper ones grow by more than the second order, and noise
+/// outweighs all else in presses below.
+pub const DEPTHS_M: [f64; 2] = [0.15e-3, 0.4e-3];
 /// Calibrated radii of contact, m.
-const RADII_M: [f64; 2] = [0.8e-3, 6e-3];
+pub const RADII_M: [f64; 2] = [0.8e-3, 6e-3];
 /// Distance of the knots of the profile, m.
 const SPACING_M: f64 = 2e-3;
 const PLACE_TOLERANCE_M: f64 = 0.15e-3;
@@ -58,21 +57,25 @@ const BENCH: Bench = Bench {
 /// Presses of a calibration, on a disc that reaches this much beyond the claimed one, m.
 const HOLES: u32 = 50;
 const BEYOND_M: f64 = 2e-3;
-/// A press of the bench: way down, and from its end to the reading, s.
+/// Relative standard error of the modulus that the bench finds.
+const MODULUS: f64 = 0.03;
+/// Way down of a press, and from its end to the reading, s; each press takes 0.8 to 1.25 of both.
 const WAY_DOWN_S: f64 = 0.5;
 const HELD_S: f64 = 0.2;
 /// Steps of the way down in which the layer's creep is followed.
 const WAY_DOWN: u32 = 8;
-/// Scans of the untouched sensor whose scatter is the noise.
+/// Scans of the untouched sensor: their mean is the zero, their scatter the noise.
 const BASELINE: u32 = 64;
 /// Stands for a tip where the array's coils alone count.
 pub(super) const ANY_TIP: Tip = Tip::Pin(1e-3);
 /// Stated relative uncertainty of a declared radius.
-const DECLARED: f64 = 0.05;
+pub const DECLARED: f64 = 0.05;
+/// A pin counts with this factor of its radius, sqrt(5/3): `palpate_model::touch`.
+pub const PIN: f64 = 1.290_994;
 /// Standard deviation of a number that is somewhere between 0 and 1.
 const UNIFORM: f64 = 0.288_675;
 
-/// Arrays of the demonstration.
+/// Built-in arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Four coils on one converter, with a declared indenter.
@@ -89,21 +92,17 @@ impl Kind {
     ];
 
     fn layout(self) -> Layout {
-        let mut layout = match self {
+        match self {
             Self::ThreeAroundOne => Layout::three_around_one(),
             Self::Seven => Layout::seven(),
-        };
-        for coil in &mut layout.coils {
-            coil.design.gap_at_rest_m = GAP_M;
         }
-        layout
     }
 
     /// Radius of the disc within which presses are claimed, m.
-    const fn reach_m(self) -> f64 {
+    pub const fn reach_m(self) -> f64 {
         match self {
-            Self::ThreeAroundOne => 4e-3,
-            Self::Seven => 6e-3,
+            Self::ThreeAroundOne => 2.8e-3,
+            Self::Seven => 5.6e-3,
         }
     }
 
@@ -122,6 +121,19 @@ pub struct TablePress {
     pub known: KnownPress,
 }
 
+/// Where and how deep a press goes, and how it differs from those of the bench.
+#[derive(Clone, Copy, Debug)]
+pub struct Way<'a> {
+    /// Its place, m.
+    pub place_m: [f64; 2],
+    /// Its depth, m.
+    pub depth_m: f64,
+    /// Times of the way down and before the reading, over those of the bench.
+    pub slower: f64,
+    /// Surroundings of the sensor.
+    pub around: &'a Surroundings,
+}
+
 /// A drawn sensor with its bench.
 #[derive(Debug)]
 pub struct TouchBench {
@@ -135,32 +147,34 @@ pub struct TouchBench {
     pub presses: Vec<TablePress>,
     /// The layer as the bench knows it.
     pub layer: BenchLayer,
+    /// Order and times of the conversions of a scan.
+    pub sequence: Sequence,
+    /// Frequencies of the untouched sensor, Hz.
+    rest_hz: Vec<f64>,
 }
 
 impl TouchBench {
     /// Draws a sensor, and presses it on its bench at a rate of scans, 1/s.
     ///
     /// # Errors
-    /// If the built-in disturbances cannot be read.
+    /// If the built-in disturbances cannot be read, or two of its coils would lock to one frequency.
     pub fn drawn(kind: Kind, seed: u64, scans_per_s: f64) -> Result<Self, Failure> {
         let sensor = TouchSensor::draw(&kind.layout(), &LAYER, seed).map_err(LoadError::from)?;
-        let parameters = sensor.parameters();
-        // The bench finds the modulus by presses as slow as these, so of a layer that crept as far.
-        let middle_s = HELD_S + 0.5 * WAY_DOWN_S;
-        let crept = parameters
-            .creep
-            .iter()
-            .map(|mode| mode.amplitude * (1.0 - (-middle_s / mode.tau_s).exp()));
-        let layer = BenchLayer {
-            thickness_m: LAYER.thickness_m,
-            shear_modulus_pa: parameters.layer.shear_modulus_pa / (1.0 + crept.sum::<f64>()),
-        };
+        if let [[one, other], ..] = sensor.locked()[..] {
+            return Err(Failure::Refused(format!(
+                "coils {one} and {other} lock to one frequency"
+            )));
+        }
+        let mut chance = Stream::named(seed, "touch.bench");
+        let layer = known_layer(&sensor, &mut chance);
+        let sequence = Sequence::of_rate(scans_per_s, 4);
+        let (rest_hz, noise) = untouched(&sensor, &sequence, scans_per_s);
         let [least_m, greatest_m] = RADII_M;
         let design = Design {
             coils_m: kind.layout().coils.iter().map(|of| of.centre_m).collect(),
             place_tolerance_m: PLACE_TOLERANCE_M,
             gain_tolerance: GAIN_TOLERANCE,
-            noise: noise(&sensor, scans_per_s),
+            noise,
             scales: Scales {
                 spacing_m: SPACING_M,
                 radii_m: RADII_M,
@@ -173,14 +187,87 @@ impl TouchBench {
             },
             bench: BENCH,
         };
-        let presses = presses(&sensor, &layer, kind.reach_m() + BEYOND_M);
-        Ok(Self {
+        let mut bench = Self {
             kind,
             sensor,
             design,
-            presses,
+            presses: Vec::new(),
             layer,
-        })
+            sequence,
+            rest_hz,
+        };
+        bench.presses = bench.pressed_all_over(&mut chance);
+        Ok(bench)
+    }
+
+    /// Readings of one scan of a press, and its truth.
+    pub fn read(
+        &self,
+        mut pressing: Pressing<'_>,
+        chance: &mut Stream,
+        way: Way<'_>,
+    ) -> (Vec<f64>, TouchTruth) {
+        let mut some = |of_s: f64| way.slower * of_s * chance.log_between(0.8, 1.25);
+        let [down_s, held_s] = [some(WAY_DOWN_S), some(HELD_S)];
+        let path = |time_s: f64| Press {
+            place_m: way.place_m,
+            demand: Demand::Depth(way.depth_m * (time_s / down_s).clamp(0.0, 1.0)),
+        };
+        for step in 0..=WAY_DOWN {
+            let time_s = down_s * f64::from(step) / f64::from(WAY_DOWN);
+            pressing.follow(time_s, &path(time_s), way.around);
+        }
+        let scan = pressing.scan(down_s + held_s, &self.sequence, path, way.around);
+        let pairs = self.rest_hz.iter().zip(&scan.coils);
+        let readings = pairs.map(|(rest_hz, coil)| (rest_hz / coil.frequency_hz).powi(2) - 1.0);
+        (readings.collect(), scan.truth)
+    }
+
+    /// Presses on a lattice of holes, known with the errors of the bench.
+    fn pressed_all_over(&self, chance: &mut Stream) -> Vec<TablePress> {
+        const GOLDEN_RAD: f64 = 2.399_963;
+        let tool = |tip: &Tip| (*tip, self.sensor.pressed_by(&indenter(*tip), [0.0; 2], 0));
+        let tools: Vec<_> = TIPS.iter().map(tool).collect();
+        let common = BENCH.common;
+        let off_m = [0; 2].map(|_| common.place_m * chance.normal());
+        let [force, radius] =
+            [common.ln_force, common.ln_radius].map(|of| (of * chance.normal()).exp());
+        let outer_m = self.kind.reach_m() + BEYOND_M;
+        let around = Surroundings::default();
+        let [least_m, greatest_m] = RADII_M;
+        let mut all = Vec::new();
+        let mut runs = 0..;
+        for (hole, (tip, tool)) in (0..HOLES).map(f64::from).zip(tools.iter().cycle()) {
+            let r_m = outer_m * ((hole + 0.5) / f64::from(HOLES)).sqrt();
+            let (sin, cos) = (GOLDEN_RAD * hole).sin_cos();
+            let place_m = [r_m * cos, r_m * sin];
+            let at_m = [0, 1].map(|i| place_m[i] + off_m[i] + BENCH.place_m * chance.normal());
+            let (readings, truth) = loop {
+                let way = Way {
+                    place_m: at_m,
+                    depth_m: depth_m(chance),
+                    slower: 1.0,
+                    around: &around,
+                };
+                let run = runs.next().unwrap_or_default();
+                let (readings, truth) = self.read(tool.again(run), chance, way);
+                if (least_m..greatest_m).contains(&counted_radius_m(*tip, &truth)) {
+                    break (readings, truth);
+                }
+            };
+            let force_n = truth.force_n * force * (BENCH.force * chance.normal()).exp();
+            let size = radius * (BENCH.radius * chance.normal()).exp();
+            all.push(TablePress {
+                tip: *tip,
+                known: KnownPress {
+                    place_m,
+                    force_n,
+                    radius_m: size * tip.contact_radius_m(&self.layer, force_n),
+                    readings,
+                },
+            });
+        }
+        all
     }
 
     /// Calibrates the sensor.
@@ -201,10 +288,7 @@ impl TouchBench {
     pub fn commands(&self, calibration: &ArrayCalibration, tip: Tip) -> Vec<Command> {
         let indenter = self.kind.is_declared().then(|| DeclaredIndenter {
             radius_m: tip.contact_radius_m(&self.layer, 1.0),
-            exponent: match tip {
-                Tip::Pin(_) => 0.0,
-                Tip::Ball(_) => 1.0 / 3.0,
-            },
+            exponent: exponent(tip),
             uncertainty: DECLARED,
         });
         calibration.commands(self.channels(), indenter)
@@ -264,27 +348,44 @@ impl TouchBench {
     }
 }
 
-/// Standard deviation of a reading of the untouched sensor, as relative change of inductance.
-fn noise(sensor: &TouchSensor, scans_per_s: f64) -> f64 {
+/// The layer as the bench finds it, by presses as slow as its others: one that crept as far.
+fn known_layer(sensor: &TouchSensor, chance: &mut Stream) -> BenchLayer {
+    let parameters = sensor.parameters();
+    let middle_s = HELD_S + 0.5 * WAY_DOWN_S;
+    let crept = parameters
+        .creep
+        .iter()
+        .map(|mode| mode.amplitude * (1.0 - (-middle_s / mode.tau_s).exp()));
+    let relaxed_pa = parameters.layer.shear_modulus_pa / (1.0 + crept.sum::<f64>());
+    BenchLayer {
+        thickness_m: LAYER.thickness_m,
+        shear_modulus_pa: relaxed_pa * (MODULUS * chance.normal()).exp(),
+    }
+}
+
+/// Frequencies of the untouched sensor, Hz, and the standard deviation of a reading by its noise, as
+/// relative change of inductance.
+fn untouched(sensor: &TouchSensor, sequence: &Sequence, scans_per_s: f64) -> (Vec<f64>, f64) {
     let mut lifted = sensor.pressed_by(&Indenter::Pin { radius_m: 1e-3 }, [0.0; 2], 0);
-    let sequence = Sequence::of_rate(scans_per_s, 4);
     let scans: Vec<_> = (0..BASELINE)
         .map(|scan| {
             let start_s = f64::from(scan) / scans_per_s;
-            lifted.scan(start_s, &sequence, |_| LIFTED, &Surroundings::default())
+            lifted.scan(start_s, sequence, |_| LIFTED, &Surroundings::default())
         })
         .collect();
     let count = f64::from(BASELINE);
-    let coils = sensor.parameters().coils.len();
-    let mut square = 0.0;
-    for coil in 0..coils {
+    let (mut rest_hz, mut square) = (Vec::new(), 0.0);
+    for coil in 0..sensor.parameters().coils.len() {
         let all = scans.iter().filter_map(|scan| scan.coils.get(coil));
         let all = all.map(|reading| reading.frequency_hz);
         let mean_hz = all.clone().sum::<f64>() / count;
         square += all.map(|hz| (hz / mean_hz - 1.0).powi(2)).sum::<f64>() / (count - 1.0);
+        rest_hz.push(mean_hz);
     }
     // A reading is twice the relative frequency, and its zero a mean as well.
-    2.0 * (square / coils as f64 * (1.0 + 1.0 / count)).sqrt()
+    let coils = rest_hz.len() as f64;
+    let noise = 2.0 * (square / coils * (1.0 + 1.0 / count)).sqrt();
+    (rest_hz, noise)
 }
 
 /// An indenter above the layer.
@@ -293,67 +394,30 @@ pub(super) const LIFTED: Press = Press {
     demand: Demand::Depth(-1e-3),
 };
 
-/// Presses on a lattice of holes, known with the errors of the bench.
-fn presses(sensor: &TouchSensor, layer: &BenchLayer, outer_m: f64) -> Vec<TablePress> {
-    const GOLDEN_RAD: f64 = 2.399_963;
-    let mut chance = Stream::named(sensor.parameters().seed, "demo.touch");
-    let tools: Vec<_> = TIPS
-        .iter()
-        .map(|tip| (*tip, sensor.pressed_by(&indenter(*tip), [0.0; 2], 0)))
-        .collect();
-    let common = BENCH.common;
-    let off_m = [0; 2].map(|_| common.place_m * chance.normal());
-    let [force, radius] =
-        [common.ln_force, common.ln_radius].map(|of| (of * chance.normal()).exp());
-    let mut all = Vec::new();
-    for (hole, (tip, tool)) in (0..HOLES).map(f64::from).zip(tools.iter().cycle()) {
-        let r_m = outer_m * ((hole + 0.5) / f64::from(HOLES)).sqrt();
-        let (sin, cos) = (GOLDEN_RAD * hole).sin_cos();
-        let place_m = [r_m * cos, r_m * sin];
-        let at_m = [0, 1].map(|i| place_m[i] + off_m[i] + BENCH.place_m * chance.normal());
-        let [shallow_m, deep_m] = DEPTHS_M;
-        let depth_m = chance.log_between(shallow_m, deep_m);
-        let (readings, true_force_n) = pressed(sensor, tool.again(all.len() as u64), at_m, depth_m);
-        let force_n = true_force_n * force * (BENCH.force * chance.normal()).exp();
-        let size = radius * (BENCH.radius * chance.normal()).exp();
-        all.push(TablePress {
-            tip: *tip,
-            known: KnownPress {
-                place_m,
-                force_n,
-                radius_m: size * tip.contact_radius_m(layer, force_n),
-                readings,
-            },
-        });
-    }
-    all
+/// A random depth, m.
+pub fn depth_m(chance: &mut Stream) -> f64 {
+    let [shallow_m, deep_m] = DEPTHS_M;
+    chance.log_between(shallow_m, deep_m)
 }
 
-/// Readings and force of a press of the bench.
-fn pressed(
-    sensor: &TouchSensor,
-    mut pressing: Pressing<'_>,
-    place_m: [f64; 2],
-    depth_m: f64,
-) -> (Vec<f64>, f64) {
-    let around = Surroundings::default();
-    let press = |share: f64| Press {
-        place_m,
-        demand: Demand::Depth(depth_m * share),
-    };
-    for step in 0..=WAY_DOWN {
-        let share = f64::from(step) / f64::from(WAY_DOWN);
-        pressing.follow(share * WAY_DOWN_S, &press(share), &around);
+/// Radius of contact that an estimate stands for, m: a pin counts with more than its own.
+pub fn counted_radius_m(tip: Tip, truth: &TouchTruth) -> f64 {
+    match tip {
+        Tip::Pin(_) => PIN * truth.radius_m,
+        Tip::Ball(_) => truth.radius_m,
     }
-    let (inductances_h, truth) = pressing.inductances_h(WAY_DOWN_S + HELD_S, &press(1.0), &around);
-    let changes = inductances_h.iter().enumerate().map(|(coil, h)| {
-        let at_rest_h = sensor.inductance_at_rest_h(coil).unwrap_or(*h);
-        h / at_rest_h - 1.0
-    });
-    (changes.collect(), truth.force_n)
 }
 
-fn indenter(tip: Tip) -> Indenter {
+/// Exponent of the force in the radius of contact: by Hertz a third for a ball.
+pub const fn exponent(tip: Tip) -> f64 {
+    match tip {
+        Tip::Pin(_) => 0.0,
+        Tip::Ball(_) => 1.0 / 3.0,
+    }
+}
+
+/// A tip as an indenter.
+pub fn indenter(tip: Tip) -> Indenter {
     match tip {
         Tip::Pin(radius_m) => Indenter::Pin { radius_m },
         Tip::Ball(radius_m) => Indenter::Ball { radius_m },

@@ -13,14 +13,14 @@ use palpate_cli::failure::Failure;
 use palpate_cli::output::{OutputFile, distinct};
 use palpate_cli::progress::Progress;
 use palpate_cli::touch_map::{self, Array};
-use palpate_sim::touch::{Scan, Sequence, Surroundings};
+use palpate_sim::touch::{Scan, Surroundings};
 
 use bench::TouchBench;
 use instrument::Judged;
 use path::{TouchPath, TouchScenario};
 
-/// Scans of all coils, 1/s.
-const SCANS_PER_S: f64 = 50.0;
+/// Scans of all coils, 1/s. Quantisation falls with the length of a conversion: half of that at 140 scans/s.
+pub const SCANS_PER_S: f64 = 80.0;
 
 /// Touch a simulated array of coils, and show place, force and radius of contact with their errors
 ///
@@ -98,7 +98,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let commands = bench.commands(&calibration, path.declared);
         all.push(Touched {
             path,
-            scans: instrument::judged(&commands, &scans(&bench, path), (&sequence(), SCANS_PER_S))?,
+            scans: instrument::judged(
+                &commands,
+                &scans(&bench, path),
+                (&bench.sequence, SCANS_PER_S),
+            )?,
         });
         progress.step();
     }
@@ -120,10 +124,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(write!(io::stdout().lock(), "{text}")?)
 }
 
-fn sequence() -> Sequence {
-    Sequence::of_rate(SCANS_PER_S, 4)
-}
-
 /// Scans of a touch on the layer at rest.
 fn scans(bench: &TouchBench, path: &TouchPath) -> Vec<Scan> {
     let mut pressing = bench.sensor.pressed_by(&path.indenter, path.drag, 1);
@@ -131,7 +131,7 @@ fn scans(bench: &TouchBench, path: &TouchPath) -> Vec<Scan> {
     let scan = |number| {
         let start_s = f64::from(number) / SCANS_PER_S;
         let around = Surroundings::default();
-        pressing.scan(start_s, &sequence(), |time_s| path.at(time_s), &around)
+        pressing.scan(start_s, &bench.sequence, |time_s| path.at(time_s), &around)
     };
     (0..count).map(scan).collect()
 }

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use palpate_calibration::touch::{ArrayCalibration, KnownPress};
 use palpate_model::touch::Verdict;
 use palpate_simulate::campaign::coverage::Coverage;
+use palpate_simulate::touch::bench::Kind;
 
-use super::rig::{Kind, Pressed};
+use super::rig::Pressed;
 
 /// Errors of an estimate over the truth.
 pub(super) struct Judged {

@@ -12,9 +12,10 @@ use clap::Args;
 use judge::{Outcome, judged, row};
 use palpate_cli::failure::Failure;
 use palpate_cli::progress::Progress;
-use palpate_sim::touch::TouchSensor;
+use palpate_simulate::touch::SCANS_PER_S;
+use palpate_simulate::touch::bench::{Kind, TouchBench};
 use rayon::prelude::*;
-use rig::{Kind, Manner, Rig};
+use rig::{Manner, Rig};
 
 use crate::evidence;
 
@@ -46,19 +47,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = Progress::new(2 * sensors + 2 * worlds);
     let mut table = String::new();
     let mut held = Vec::new();
-    for kind in Kind::ALL {
+    for (name, kind) in Kind::NAMED {
         let found = each(arguments.seed, sensors, kind, &progress, of_sensor)?;
         let (text, is_held) = row(kind, &found);
         let limits = if is_held { "all" } else { "not all" };
-        table += &format!("| `{}` | {limits} | {text}\n", kind.name());
+        table += &format!("| `{}` | {limits} | {text}\n", name);
         held.push(is_held);
     }
     let mut changed = String::new();
-    for kind in Kind::ALL {
-        let found = each(arguments.seed, worlds, kind, &progress, |_, rig| {
-            worlds::of_sensor(rig)
-        })?;
-        changed += &worlds::rows(kind.name(), &found);
+    for (name, kind) in Kind::NAMED {
+        let found = each(arguments.seed, worlds, kind, &progress, worlds::of_sensor)?;
+        changed += &worlds::rows(name, &found);
     }
     progress.finish();
     let kept = held.iter().filter(|held| **held).count();
@@ -74,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
          Worlds that the calibration did not see, {worlds} sensors each; covered is place and force at once:\n\n\
          | world | array | refused | claimed | covered | beyond 4 sigmas |\n|---|---|---|---|---|---|\n{changed}",
         arguments.seed,
-        rate = rig::SCANS_PER_S,
+        rate = SCANS_PER_S,
     ));
     if kept == 2 {
         return Ok(());
@@ -91,18 +90,18 @@ fn each<T: Send>(
     sensors: usize,
     kind: Kind,
     progress: &Progress,
-    with: impl Fn(Kind, &mut Rig<'_>) -> T + Sync,
+    with: impl Fn(&mut Rig<'_>) -> T + Sync,
 ) -> Result<Vec<T>, Failure> {
     let of_seed = |index: usize| {
-        let sensor: TouchSensor = rig::draw(kind, seed + index as u64)?;
-        let found = with(kind, &mut Rig::new(kind, &sensor));
+        let bench = TouchBench::drawn(kind, seed + index as u64, SCANS_PER_S)?;
+        let found = with(&mut Rig::new(&bench));
         progress.step();
         Ok(found)
     };
     (0..sensors).into_par_iter().map(of_seed).collect()
 }
 
-fn of_sensor(_: Kind, rig: &mut Rig<'_>) -> Vec<Outcome> {
+fn of_sensor(rig: &mut Rig<'_>) -> Vec<Outcome> {
     let calibrated = rig.calibrated();
     let press = |_| {
         let (calibration, array) = calibrated.as_ref().map_err(Clone::clone)?;
@@ -118,8 +117,8 @@ mod tests {
 
     #[test]
     fn most_presses_of_a_sensor_are_claimed_and_near() {
-        let sensor = rig::draw(Kind::Seven, 101).unwrap();
-        let outcomes = of_sensor(Kind::Seven, &mut Rig::new(Kind::Seven, &sensor));
+        let bench = TouchBench::drawn(Kind::Seven, 101, SCANS_PER_S).unwrap();
+        let outcomes = of_sensor(&mut Rig::new(&bench));
         let claimed = outcomes.iter().flatten().count();
         assert!(claimed >= 15, "{claimed}");
         let far = outcomes.iter().flatten().filter(|of| of.is_far()).count();
