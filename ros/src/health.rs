@@ -263,19 +263,7 @@ mod tests {
 
     /// What a calibrated board sends.
     fn touch(sequence: u32) -> Frame<Record> {
-        let message = Record::Touch(Touch {
-            verdict: TouchVerdict::Clear,
-            x_m: None,
-            y_m: None,
-            x_sigma_m: None,
-            y_sigma_m: None,
-            correlation: None,
-            force_n: None,
-            force_uncertainty: None,
-            radius_m: None,
-            radius_uncertainty: None,
-            chi_square: None,
-        });
+        let message = Record::Touch(Touch::without_claim(TouchVerdict::Clear));
         frame(sequence, message)
     }
 

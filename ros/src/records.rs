@@ -223,14 +223,9 @@ mod tests {
             verdict,
             x_m: force_n.map(|_| 2e-3),
             y_m: force_n.map(|_| -1e-3),
-            x_sigma_m: None,
-            y_sigma_m: None,
-            correlation: None,
             force_n,
             force_uncertainty: force_n.map(|_| 0.5),
-            radius_m: None,
-            radius_uncertainty: None,
-            chi_square: None,
+            ..TouchRecord::without_claim(verdict)
         })
     }
 

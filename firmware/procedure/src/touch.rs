@@ -251,12 +251,12 @@ impl Touching {
             .for_each(|(of, rest)| *of -= rest);
         let readings = all.get(..coils.len()).unwrap_or_default();
         if !readings.iter().all(|reading| reading.is_finite()) {
-            return claiming_nothing(TouchVerdict::NotReadable);
+            return Touch::without_claim(TouchVerdict::NotReadable);
         }
         if self.learnt < memory {
             self.learnt += 1;
             self.follow(&all, self.learnt);
-            return claiming_nothing(TouchVerdict::Settling);
+            return Touch::without_claim(TouchVerdict::Settling);
         }
         let verdict = of.array.track(readings, &of.indenter(), &mut self.track);
         match &verdict {
@@ -273,18 +273,18 @@ impl Touching {
                 radius_uncertainty: None,
                 ..claimed(TouchVerdict::RadiusNotDetermined, &press)
             },
-            Verdict::BeyondArray(_) => claiming_nothing(TouchVerdict::BeyondArray),
-            Verdict::DoesNotFit { .. } => claiming_nothing(TouchVerdict::DoesNotFit),
-            Verdict::NotConverged => claiming_nothing(TouchVerdict::NotConverged),
-            Verdict::NotReadable => claiming_nothing(TouchVerdict::NotReadable),
+            Verdict::BeyondArray(_) => Touch::without_claim(TouchVerdict::BeyondArray),
+            Verdict::DoesNotFit { .. } => Touch::without_claim(TouchVerdict::DoesNotFit),
+            Verdict::NotConverged => Touch::without_claim(TouchVerdict::NotConverged),
+            Verdict::NotReadable => Touch::without_claim(TouchVerdict::NotReadable),
             Verdict::TooSmall => {
                 let is_below =
                     |(reading, coil): (&f32, &Coil)| *reading < -LEAST_SIGNIFICANCE * coil.noise;
                 if readings.iter().zip(coils).any(is_below) {
-                    return claiming_nothing(TouchVerdict::BelowRest);
+                    return Touch::without_claim(TouchVerdict::BelowRest);
                 }
                 self.follow(&all, memory);
-                claiming_nothing(TouchVerdict::Clear)
+                Touch::without_claim(TouchVerdict::Clear)
             }
         }
     }
@@ -295,22 +295,6 @@ impl Touching {
         for (rest, reading) in self.rest.iter_mut().zip(readings) {
             *rest += share * reading;
         }
-    }
-}
-
-const fn claiming_nothing(verdict: TouchVerdict) -> Touch {
-    Touch {
-        verdict,
-        x_m: None,
-        y_m: None,
-        x_sigma_m: None,
-        y_sigma_m: None,
-        correlation: None,
-        force_n: None,
-        force_uncertainty: None,
-        radius_m: None,
-        radius_uncertainty: None,
-        chi_square: None,
     }
 }
 

@@ -32,3 +32,22 @@ structure! {
         chi_square: Option<f32> ["1", 0, 1e9],
     }
 }
+
+impl Touch {
+    /// A touch of which only the verdict is known.
+    pub const fn without_claim(verdict: TouchVerdict) -> Self {
+        Self {
+            verdict,
+            x_m: None,
+            y_m: None,
+            x_sigma_m: None,
+            y_sigma_m: None,
+            correlation: None,
+            force_n: None,
+            force_uncertainty: None,
+            radius_m: None,
+            radius_uncertainty: None,
+            chi_square: None,
+        }
+    }
+}

@@ -60,7 +60,8 @@ pub fn judged(
         }
         // A place for the result.
         let last_s = scan.coils.last().map_or(0.0, |of| of.time_s);
-        take((1e6 * last_s) as u64, Record::Touch(UNKNOWN));
+        let unknown = Touch::without_claim(TouchVerdict::Settling);
+        take((1e6 * last_s) as u64, Record::Touch(unknown));
     }
     compared.extend(replay.finish());
     let touches = compared.into_iter().filter_map(touch);
@@ -151,18 +152,3 @@ fn hello() -> Hello {
         configuration_crc: 0,
     }
 }
-
-/// Stands for the touch that the procedure computes.
-const UNKNOWN: Touch = Touch {
-    verdict: TouchVerdict::Settling,
-    x_m: None,
-    y_m: None,
-    x_sigma_m: None,
-    y_sigma_m: None,
-    correlation: None,
-    force_n: None,
-    force_uncertainty: None,
-    radius_m: None,
-    radius_uncertainty: None,
-    chi_square: None,
-};

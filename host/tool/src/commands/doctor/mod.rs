@@ -109,14 +109,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let off = report
         .lines
         .iter()
-        .filter(|line| line.verdict == Verdict::Off)
+        .filter(|line| line.verdict != Verdict::AsExpected)
         .count();
     match (report.findings.len(), off) {
         (0, 0) => Ok(()),
         (1, 0) => Err(Failure::Refused("1 finding".to_owned())),
         (several, 0) => Err(Failure::Refused(format!("{several} findings"))),
         (findings, off) => Err(Failure::Refused(format!(
-            "{off} lines are off the design; {findings} findings"
+            "{off} lines are not as expected; {findings} findings"
         ))),
     }
 }
@@ -198,7 +198,9 @@ fn print(report: &Report, json: bool) -> Result<(), Failure> {
     if !report.lines.is_empty() {
         writeln!(out, "{}", acceptance::table(&report.lines))?;
     }
-    if report.findings.is_empty() && report.lines.iter().all(|line| line.verdict != Verdict::Off) {
+    if report.findings.is_empty()
+        && (report.lines.iter()).all(|line| line.verdict == Verdict::AsExpected)
+    {
         let board = report.board.as_deref().unwrap_or_default();
         writeln!(out, "{board}: nothing is wrong.")?;
     }
