@@ -174,7 +174,8 @@ fn the_scans_of_two_converters_make_one_result() {
 /// A sensor with a whole calibration, whose array is on the second converter.
 struct Both {
     rig: Rig,
-    place: Option<[f32; 2]>,
+    /// Relative changes of the coils' inductances.
+    changes: [f64; 4],
 }
 
 impl Both {
@@ -192,7 +193,8 @@ impl Both {
             .chain(array(&numbers))
             .for_each(|of| rig.accepted(of));
         rig.accepted(Command::Arm);
-        let mut both = Self { rig, place: None };
+        let changes = [0.0; 4];
+        let mut both = Self { rig, changes };
         both.scan(1_500);
         assert_eq!(both.rig.state(), State::Watching);
         both
@@ -200,23 +202,27 @@ impl Both {
 
     /// Pairs of scans of both converters.
     fn scan(&mut self, pairs: usize) {
-        let changes = self.place.map_or([0.0; 4], |[x, y]| pressed(x, y, 0.8));
         for _ in 0..pairs {
             self.rig.convert();
-            self.rig.convert_with(|scan| read(scan, 1, changes));
+            self.rig.convert_with(|scan| read(scan, 1, self.changes));
         }
     }
 
     /// Presses at a place and measures; returns the refusals and the number of estimates.
-    fn measured(&mut self, place: [f32; 2]) -> (Vec<Refusal>, usize) {
+    fn measured(&mut self, [x, y]: [f32; 2]) -> (Vec<Refusal>, usize) {
+        self.measured_by(pressed(x, y, 0.8))
+    }
+
+    /// The same with these changes of the coils' inductances.
+    fn measured_by(&mut self, changes: [f64; 4]) -> (Vec<Refusal>, usize) {
         self.rig.records.clear();
-        self.place = Some(place);
+        self.changes = changes;
         self.rig.sensor.press(3e-4);
         self.scan(200);
         self.rig.accepted(Command::Measure);
         self.scan(3_000);
         let found = (self.rig.refusals(), self.rig.all::<Estimate>().len());
-        self.place = None;
+        self.changes = [0.0; 4];
         self.rig.sensor.depth_m = 0.0;
         self.scan(1_500);
         found
@@ -240,6 +246,9 @@ fn stiffness_is_refused_off_the_centre_by_more_than_the_stated_tolerance() {
         );
         assert_eq!(refusal.limit, Some(1e-3));
     }
+    // The place of that press is forgotten with it: nothing is known of where the next one is.
+    let [most, ..] = pressed(0.0, 0.0, 0.8);
+    assert_eq!(both.measured_by([most; 4]), (vec![], 1));
     // A press in the centre afterwards.
     assert_eq!(both.measured([0.0, 0.2e-3]), (vec![], 1));
     let mut without = Both::armed(None);
