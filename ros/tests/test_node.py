@@ -179,7 +179,7 @@ def test_names_frames_and_quality_are_those_asked_for(boards: Play, node: Start,
     assert forces[0].header.frame_id == "tip_b0"
     info = hear.node.get_publishers_info_by_topic("/robot1/wrench")
     assert [of.qos_profile.reliability for of in info] == [ReliabilityPolicy.BEST_EFFORT]
-    assert ("finger", "/robot1") in hear.node.get_node_names_and_namespaces()
+    wait_until(lambda: ("finger", "/robot1") in hear.node.get_node_names_and_namespaces(), 20, "the node's name")
     topics = dict(hear.node.get_topic_names_and_types())
     assert topics["/robot1/finger/b0/stiffness"] == ["palpate_msgs/msg/Stiffness"]
     assert not missed

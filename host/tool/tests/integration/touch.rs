@@ -33,7 +33,7 @@ radius_m = 2e-3
 x_m = -1e-3
 y_m = 0.5e-3
 to_x_m = 1e-3
-depth_m = 0.12e-3
+depth_m = 0.25e-3
 seconds = 0.4
 ";
 
@@ -62,9 +62,9 @@ fn bench() -> (TempDir, Vec<Value>) {
 fn a_slide_of_a_file_is_found_along_its_path() {
     let (_folder, lines) = bench();
     let down: Vec<_> = lines.iter().filter(|line| line["down"] == true).collect();
-    assert_eq!(down.len(), 20);
+    assert_eq!(down.len(), 32);
     let claimed: Vec<_> = down.iter().filter(|line| line["x_m"].is_number()).collect();
-    assert!(claimed.len() > 15, "{}", claimed.len());
+    assert!(claimed.len() > 24, "{}", claimed.len());
     for line in claimed {
         assert_eq!(line["simulated"], true);
         let [found, truth] = ["x_m", "true_x_m"].map(|key| line[key].as_f64().unwrap());
