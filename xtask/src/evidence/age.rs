@@ -39,12 +39,15 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
 
 /// Number of commits that have changed a result's code since the commit that the result names.
 fn age(workspace: &Workspace, commit: &str, paths: &[&str]) -> Result<u32> {
+    // A commit outside the history of HEAD may be in this checkout and will not be in a clone.
+    let is_ancestor = ["merge-base", "--is-ancestor", commit, "HEAD"];
+    workspace
+        .output(&Invocation::new("git", &is_ancestor))
+        .with_context(|| format!("its commit `{commit}` is not in the history of HEAD"))?;
     let range = format!("{commit}..HEAD");
     let mut arguments = vec!["rev-list", "--count", &range, "--"];
     arguments.extend(paths);
-    let count = workspace
-        .output(&Invocation::new("git", &arguments))
-        .with_context(|| format!("its commit `{commit}` is not in this repository"))?;
+    let count = workspace.output(&Invocation::new("git", &arguments))?;
     // Asks git: a checkout may still have a folder whose tracked files are gone.
     if let Some(path) = paths.iter().find(|path| {
         let files = workspace.output(&Invocation::new("git", &["ls-files", "--", path]));
