@@ -110,7 +110,7 @@ impl<const N: usize> Averages<N> {
         if is_whole { end } else { now - now % BLOCK }
     }
 
-    /// The current time, if the window is not empty, not older than the stored blocks, and ends
+    /// Returns the current time if the window is not empty, lies within the stored blocks, and ends
     /// less than a block in the future; otherwise `None`.
     fn kept(&self, from: u32, to: u32) -> Option<u32> {
         let now = self.now();
@@ -227,7 +227,7 @@ mod tests {
         for (from, to) in [(160, 320), (320, 336), (500, 900), (437, 911)] {
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;
             let [by_blocks, mean] = both_means(&averages, from, to);
-            // The error is half a block of slope at either end, if the window cuts a block.
+            // A window that cuts a block errs by half a block of slope at each cut end.
             assert!(
                 (by_blocks - exact).abs() < 0.2,
                 "{from}..{to}: {by_blocks} {exact}"
@@ -326,7 +326,7 @@ mod tests {
         for period in 0..1_600 {
             averages.push(100 + period);
         }
-        // Before time 0, across it, and after it; time 0 is period 800 here.
+        // Windows before, across and after the wrap of the period counter to 0, here at period 800.
         for (from, to) in [(700_u32, 790), (700, 1_500), (790, 810), (810, 1_500)] {
             let [begin, end] = [from, to].map(|at| at.wrapping_sub(800));
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;

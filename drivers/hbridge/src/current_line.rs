@@ -27,7 +27,7 @@ impl CurrentLine {
     /// // down to 2 A in 60 ms
     /// let fall = CurrentLine::at_once(2.0, 60e-3);
     /// assert_eq!(fall.ahead_s(1_000_000), 0.0);
-    /// // the same from 8 A on, 5 ms from now
+    /// // the same fall, but from 8 A, starting 5 ms from now
     /// let fall = CurrentLine { start_us: 1_005_000, from_a: 8.0, ..fall };
     /// assert!((fall.ahead_s(1_000_000) - 5e-3).abs() < 1e-6);
     /// ```

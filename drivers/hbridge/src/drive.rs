@@ -504,8 +504,8 @@ impl Drive {
             if self.goes_on {
                 self.turn();
             } else if self.line.ends() {
-                // During a slope the level includes the voltage for the inductance, during a hold
-                // it does not.
+                // The level has to be recomputed: during a slope it includes the inductance's
+                // voltage, during a hold it does not.
                 self.busy = BUSY_PERIODS;
             }
         }

@@ -18,8 +18,8 @@ const STEPS: u8 = 24;
 /// ```
 /// use coil_hbridge::{Account, EnergyDemand, Load};
 /// let mut account = Account::with(60.0, 3.5);
-/// account.pass(50.0, 0.5); // 1.1 times 50 J are 55 J. An empty account gives nothing off.
-/// // Half an ohm, from 0 to 10 A and back within 1.2 s, takes 22 J and gives off 4 J meanwhile.
+/// account.pass(50.0, 0.5); // Counts 1.1 * 50 J = 55 J: an empty account cannot give off energy.
+/// // Half an ohm, from 0 to 10 A and back within 1.2 s: 22 J taken, 4 J of them given off again.
 /// let mut demand = EnergyDemand::new(&account, Load { resistance_ohm: 0.5, lost_v: 0.0 });
 /// demand.line(10.0, 0.6);
 /// demand.line(0.0, 0.6);

@@ -28,8 +28,8 @@ const LEARN_SHIFT: u32 = 2;
 
 /// Periods between two trims of the level while the current is at its setpoint.
 const TRIM_PERIODS: u32 = 8;
-/// Fraction of the mean error's resistive voltage that each trim learns as lasting, as a negative
-/// power of two: half.
+/// Each trim learns as lasting this fraction of the voltage that the mean current error needs
+/// across the resistance, as a negative power of two: half.
 const FOREVER_SHIFT: u32 = 1;
 /// Fraction of the voltage that would remove the mean error in one period, as a negative power of
 /// two: an eighth, so that eight periods remove all of it. `TRIM_PERIODS`, `FOREVER_SHIFT` and
@@ -104,8 +104,8 @@ pub(crate) struct Regulator {
     residue: i32,
     /// Sum of the current errors since the last trim, units.
     off: i32,
-    /// Number of periods since the last evaluation of the law or the last trim, plus
-    /// [`TRIM_PERIODS`] after a trim; 0 after an evaluation.
+    /// 0 right after an evaluation of the law; otherwise the number of calls of `rest` since the
+    /// last evaluation or trim, plus [`TRIM_PERIODS`] after a trim.
     rested: u32,
     /// Current expected by the law at the start of the present period, in sixteenths of a unit.
     expected_q4: i32,
@@ -187,9 +187,9 @@ impl Regulator {
         steady + push + gains.drop * ((expected_q4 - setpoint.at_q4) >> 4)
     }
 
-    /// Returns the steady level while the current is at its setpoint, `off` units from it; the
-    /// control law is not evaluated. Every eight periods the mean error trims the level, and a part
-    /// of the error is learned as lasting: the mean of eight measurements is less noisy than one.
+    /// Returns the steady level for a current near its setpoint, `off` units away; does not
+    /// evaluate the control law. Every eight periods the mean error trims the level, and a part of
+    /// the error is learned as lasting: the mean of eight measurements is less noisy than one.
     #[inline]
     pub(crate) fn rest(&mut self, gains: &Gains, line: &FixedPointLine, off: i32) -> i32 {
         self.off += off;

@@ -49,13 +49,13 @@ mod tests {
             inductance_h: 20e-6,
             period_s: 16e-6,
         };
-        // 10 A need half of the time: 6 V for 8 us on 20 uH are 2.4 A, and 2.4²/12 = 0.48.
+        // 10 A need the supply half of the time: 6 V for 8 us on 20 uH are 2.4 A; 2.4²/12 = 0.48.
         assert!((ripple.square_a2(10.0) - 0.48).abs() < 1e-6);
         assert!((ripple.square_a2(-10.0) - 0.48).abs() < 1e-6);
         for none in [0.0, 20.0, 1e9, f32::NAN, f32::INFINITY] {
             assert_eq!(ripple.square_a2(none), 0.0);
         }
-        // A supply of 0.2 ohm leaves 10 V for 5 V of coil: 5 V for 8 us are 2 A, and 4/12 A².
+        // A supply of 0.2 ohm leaves 10 V, and the coil takes 5 V: 5 V for 8 us are 2 A; 2²/12 A².
         let behind_resistance = Ripple {
             source_ohm: 0.2,
             resistance_ohm: 0.5,

@@ -21,9 +21,9 @@ pub const ATTENDED_WITHIN: u32 = 1_250;
 /// Limits of the checks, in units and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Largest difference of applied and needed voltage without a fault, levels, besides what the
-    /// self-test found as dead time: 1/24 of the supply, which covers more dead time of short pulses,
-    /// diodes and a supply that has just changed.
+    /// Largest difference of applied and needed voltage that is no fault, in levels; the dead time
+    /// found by the self-test is not part of it. 1/24 of the supply covers the longer dead time of
+    /// short pulses, the diodes, and a supply that has just changed.
     pub(crate) margin: i32,
     /// Largest tracking error of the current without a fault, units.
     pub(crate) tracking: i32,

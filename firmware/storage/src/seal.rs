@@ -8,7 +8,7 @@ pub(crate) const NUMBER: u8 = 255;
 /// Version of a seal's layout.
 const VERSION: u8 = 2;
 
-/// Version of the seals with a checksum over all items. It is not read, since each item has its own.
+/// Version of the seals with a checksum over all items. It is not read: each item has one.
 const WITH_CHECKSUM: u8 = 1;
 
 /// Place in the key of a seal that completes the save of its own slot.

@@ -10,7 +10,7 @@ use crate::plates;
 use crate::solve::{Figure, Level, Locator, Wanted};
 
 /// Figures of merit of a field. The type is also used for errors and changes of the figures. A
-/// figure that was not wanted may be NaN.
+/// figure that was not requested may be NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Figures {
     /// B_x at the middle of the core, T.
@@ -109,8 +109,8 @@ impl ProfiledFigures {
         }
     }
 
-    /// Absolute differences of all figures. For peak-to-peak values it is the largest difference
-    /// that the profiles allow: unlike the actual difference, it does not vanish by chance.
+    /// Absolute differences of all figures. For peak-to-peak values, the largest difference that
+    /// the two profiles permit: the actual difference may vanish by chance.
     pub(crate) fn change_from(&self, other: &Self) -> Figures {
         let [axial_pp, radial_pp] = [0, 1].map(|line: usize| {
             let both = self.profiles[line].iter().zip(&other.profiles[line]);
@@ -123,8 +123,8 @@ impl ProfiledFigures {
         }
     }
 
-    /// Greatest change of the field about the centre, T. That at the centre itself may vanish by
-    /// chance.
+    /// Greatest change of the field about the centre, T. The change at the centre itself may vanish
+    /// by chance.
     pub(crate) fn change_about_centre_t(&self, other: &Self) -> f64 {
         let both = self.about_centre_t.iter().zip(&other.about_centre_t);
         both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -170,7 +170,7 @@ impl Figures {
         self.map(other, f64::max)
     }
 
-    /// Whether each error is at most its limit; an infinite limit is none.
+    /// Whether each error is at most its limit; an infinite limit is always met.
     pub(crate) fn is_within(&self, limits: &Self) -> bool {
         let mut within = true;
         self.map(limits, |error, limit| {

@@ -11,8 +11,8 @@
 //! A magnet in the middle half is stretched with its remanence unchanged.
 //!
 //! If a body's outline is slanted in the middle half, the field pulls at the body along the axis,
-//! and the force depends a little on the plane at which the halves are parted. The stress is that
-//! of the mid-plane.
+//! and the force depends a little on the plane at which the halves are parted. The force by stress
+//! uses the mid-plane.
 
 use core::f64::consts::TAU;
 

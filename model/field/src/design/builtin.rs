@@ -23,9 +23,9 @@ pub const BUILTIN: [&str; 14] = [
     "closed",
 ];
 
-/// Names of built-in designs with a sensing coil, for alternating fields: the sensing coil between
-/// its slabs, and above `A` and `closed`. Each has a copper plane that does not conduct until its
-/// material's conductivity is set.
+/// Names of built-in designs with a sensing coil, for alternating fields: the sensing coil alone
+/// between its slabs, and the sensing coil above the stacks `A` and `closed`. Each has a copper
+/// plane that does not conduct until its material's conductivity is set.
 pub const WITH_SENSING_COIL: [&str; 3] = ["sensing", "A-sensing", "closed-sensing"];
 
 /// Names of built-in designs with magnets only: a pot magnet above a plate.

@@ -29,7 +29,7 @@ pub fn set(text: &str, settings: &[(String, f64)]) -> Result<String, String> {
 /// Returns the number at the end of a path.
 ///
 /// # Errors
-/// As for [`set`]; also for an expression, which has no number of its own.
+/// A sentence as for [`set`]; also if the path ends at an expression, which is not a number.
 pub fn get(text: &str, path: &str) -> Result<f64, String> {
     let (place, _) = find(text, path)?;
     let number = text.get(place).unwrap_or_default();

@@ -224,8 +224,8 @@ impl Path {
     /// is a length.
     #[must_use]
     pub fn meetings(&self, other: &Self, tolerance: f64) -> Vec<f64> {
-        // An end of one path that lies on the other is found as an end. Crossings near such an end
-        // are dropped: curves that touch there tangentially would also seem to cross nearby, at a
+        // If one path ends on the other, that end is the meeting. Crossings near it are dropped:
+        // where curves touch tangentially, rounding makes them seem to cross nearby too, at a
         // distance of the square root of a rounding error.
         const SAME: f64 = 1e-6;
         let on = |path: &Self, end: Point| {

@@ -30,8 +30,8 @@ pub struct Level {
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,
-    /// The two components of a vector for each unknown: its field, or its gradient outside. Apart,
-    /// so that several unknowns are computed at once.
+    /// The two components of a vector for each unknown: its field, or its gradient outside. They
+    /// are stored apart, so that the processor computes several unknowns at once.
     vectors: [Vec<f64>; 2],
 }
 

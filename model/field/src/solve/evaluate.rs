@@ -57,7 +57,7 @@ impl<'l> Locator<'l> {
             let mut low = [usize::MAX; 2];
             let mut high = [0; 2];
             let corners = mesh.corners_of(triangle);
-            // Nodes on a curved edge, joined by straight lines, reach almost as far as the curve.
+            // The polygon of nodes on a curved edge falls slightly short of the curve: hence the margin.
             let margin = if nodes.len() > 3 {
                 0.02 * extent(&corners)
             } else {

@@ -50,7 +50,7 @@ impl Finer {
         })
     }
 
-    /// Takes this solution as the one to be judged next.
+    /// Turns this solution into the step whose error is estimated next.
     pub(super) fn into_step(self, last_step: f64) -> Result<Step, SolveError> {
         let Self {
             level, pattern, w, ..

@@ -1,5 +1,5 @@
 //! Solution for figures alone: on each mesh a second solution with elements of the next order shows
-//! the error of every figure, and the mesh is refined until the wanted ones are accurate.
+//! the error of every figure, and the mesh is refined until the requested ones are accurate.
 
 use super::accuracy::Accuracy;
 use super::adapt::{CORNER_SIZE, SolveReport, Solved, transfer};
@@ -34,7 +34,7 @@ pub(super) struct Step {
     pub(super) balanced: Balanced,
 }
 
-/// Solves a design until the wanted figures are accurate. [`super::solve`] also makes the field
+/// Solves a design until the requested figures are accurate. [`super::solve`] also makes the field
 /// accurate on the axis and in the inner core.
 ///
 /// # Errors
@@ -126,24 +126,24 @@ pub fn solve_for(
     }
 }
 
-/// Fraction of the estimate with elements of the order below that an estimate includes, since a
-/// change may vanish by chance.
+/// An estimate includes this fraction of the estimate for elements one order lower, since a change
+/// may vanish by chance.
 const OF_LOWER_ORDER: f64 = 0.02;
-/// Fraction of the estimate on the coarser mesh that an estimate includes.
+/// An estimate includes this fraction of the estimate on the coarser mesh.
 const OF_COARSER_MESH: f64 = 0.1;
-/// Error of a figure over its change to elements of the next order. At edges of metal the next order
-/// is hardly better: with a factor of 3 some estimates of designs drawn by the test `drawn` cover
-/// 0.6 to 0.9 of the error.
+/// Estimated error of a figure, as a multiple of its change to elements of the next order. At edges
+/// of metal the next order is hardly better: with a factor of 3 some estimates of designs drawn by
+/// the test `drawn` cover only 0.6 to 0.9 of the error.
 const OF_CHANGE: f64 = 4.0;
-/// Error of a peak-to-peak value over the greatest change of its profile, twice.
+/// Estimated error of a peak-to-peak value, as a multiple of twice its profile's greatest change.
 const OF_PROFILE: f64 = 1.0;
-/// Error of the centre over the greatest change of the field about it.
+/// Estimated error of the centre, as a multiple of the greatest change of the field about it.
 const OF_CENTRE: f64 = 2.7;
-/// Least relative error of the greatest field in the plates, by the distance of sampled points.
+/// Least relative error of the greatest field in the plates, due to the distance of sampled points.
 const SAMPLED: f64 = 0.01;
-/// Least relative errors of mean and force, and least error of the homogeneity of the whole
-/// core, as multiples of the relative error of the linkage. The linkage is an energy, whose error has
-/// one sign and is found most surely.
+/// Least relative errors of mean and force, and least error of the homogeneity of the whole core, as
+/// multiples of the relative error of the linkage. The linkage is an energy, whose error has one sign
+/// and is estimated most reliably.
 const LEAST_OF_LINKAGE: f64 = 0.03;
 
 /// Estimated errors: [`OF_CHANGE`] times the change to elements of the next order.
@@ -175,7 +175,7 @@ fn estimate(change: Figures, figures: &Figures, before: Option<(Figures, f64)>) 
 }
 
 /// Factor by which the error of a peak-to-peak value may exceed the requested accuracy: it is the
-/// difference of two values at points, of which one is at the edge of the core.
+/// difference between two single points, one of them at the edge of the core.
 const OF_PEAKS: f64 = 100.0;
 
 /// Allowed errors of the figures; infinite where there is no limit.
@@ -195,7 +195,7 @@ fn limits(
             f64::INFINITY
         }
     };
-    // Without a name, these have no limit: at an edge of metal they hardly settle.
+    // These have a limit only if named: at an edge of metal they hardly settle.
     let share = |figure, factor: f64| match wanted {
         Wanted::Only(figures) if figures.contains(&figure) => factor * accuracy.relative,
         Wanted::Only(_) | Wanted::Figures => f64::INFINITY,

@@ -191,8 +191,8 @@ pub(super) const SAFETY: f64 = 3.0;
 const MEMORY: f64 = 0.5;
 /// Least relative errors of the core's mean, the homogeneity and the force, as multiples of the
 /// linkage's relative error. The flux linkage is an energy, whose error has one sign and falls on
-/// every mesh; other integrals cannot be known better. In the same 68 solutions their true errors
-/// are up to 0.14, 1.8 and 1.1 of the linkage's.
+/// every mesh; no other integral is more accurate. In the same 68 solutions their true errors are up
+/// to 0.14, 1.8 and 1.1 of the linkage's.
 const LEAST_OF_LINKAGE: LinkageShares = LinkageShares {
     core_mean: 0.25,
     cv: 2.0,

@@ -75,8 +75,8 @@ impl Space {
                 .map(|(at, weight)| (basis.sample(at), weight))
                 .collect()
         };
-        // In a straight triangle of linear material the integrand is of degree 2p + 1. One point
-        // more for curved triangles and for ν(B).
+        // In a straight triangle of linear material the integrand is of degree 2p + 1. Curved
+        // triangles and ν(B) get one point more.
         let order = basis.order() as usize;
         let (few_samples, samples) = (samples(order + 1), samples(order + 2));
         Self {

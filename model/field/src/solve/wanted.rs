@@ -28,8 +28,8 @@ pub enum Figure {
 /// Figures that a solution has to have to the requested accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted<'f> {
-    /// Centre and core mean to the requested accuracy, flux linkage and force to 20 times it, and
-    /// the greatest field in the plates to a fifth; the other figures with whatever error follows.
+    /// Centre and core mean with the requested accuracy, flux linkage and force with errors 20 times as
+    /// large, the greatest field in the plates within a fifth, and the other figures without a limit.
     Figures,
     /// These figures alone. Their limits are those of [`Wanted::Figures`]; the absolute error of a
     /// homogeneity is at most 20 times the requested accuracy, that of a peak-to-peak value at most

@@ -126,7 +126,7 @@ fn estimates_cover_the_errors_of_drawn_designs() {
         let mut covers = true;
         for (index, ratios) in ratios.iter_mut().enumerate() {
             let error = (value[index] - true_value[index]).abs();
-            // The error is not known as long as the truth's own may be as large.
+            // If the reference's own error may exceed half of the difference, the true error is unknown.
             if true_value[index] == 0.0 || unknown[index] > 0.5 * error {
                 continue;
             }

@@ -131,8 +131,8 @@ fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
     assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
 }
 
-/// Generates the same designs in every run: of designs that change, about one in fifty exceeds the
-/// limit for the forces, by up to a fifth.
+/// Generates the same designs in every run: with other designs in each run, about one in fifty
+/// would exceed the limit for the forces, by up to a fifth.
 fn designs() -> ProptestConfig {
     ProptestConfig {
         cases: 10,

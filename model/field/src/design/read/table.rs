@@ -43,8 +43,8 @@ impl Reader<'_> {
     }
 }
 
-/// Reads H and B from a row, in which semicolons, tabs, blanks or commas separate the columns. If a
-/// semicolon or a tab does, a comma is a decimal mark.
+/// Reads H and B from a row, in which semicolons, tabs, blanks or commas separate the columns.
+/// Between semicolons or tabs, a comma is a decimal mark.
 fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignError> {
     let decimal_comma = row.contains([';', '\t']) && row.contains(',');
     if decimal_comma && row.contains('.') {

@@ -37,8 +37,8 @@ pub struct AcCoil {
     pub resistance_ohm: f64,
     /// Estimated absolute errors of `inductance_h`, `resistance_ohm` and `dc_inductance_h`.
     pub errors: [f64; 3],
-    /// Contribution of currents that may be thinner than the mesh to the three values of `errors`,
-    /// H and Ω.
+    /// Part of the three values of `errors` that is due to currents in layers thinner than the
+    /// mesh, H and Ω.
     coarse: [f64; 3],
     /// Changes of L, R and `dc_inductance_h` from the previous mesh, H and Ω.
     changes: [f64; 3],

@@ -25,12 +25,12 @@ pub(super) struct AcRegion {
 #[derive(Clone, Copy)]
 pub(super) enum Winding {
     None,
-    /// Even: index of the coil, and turns per area with the sign of the coil's sense, 1/m².
+    /// Evenly distributed current: index of the coil, and turns per area with the sign of the coil's sense, 1/m².
     Stranded {
         coil: usize,
         turns_per_m2: f64,
     },
-    /// Distributed by induction: `unknown` is the number of the ring's unknown u.
+    /// Current distributed by induction: `unknown` is the number of the ring's unknown u.
     Solid {
         unknown: u32,
     },

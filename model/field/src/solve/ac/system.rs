@@ -104,7 +104,7 @@ impl<'l> System<'l> {
             if region.is_some_and(|region| region.in_surface) {
                 for edge in triangle.edges().map(ascending) {
                     left_out.insert(edge);
-                    // An edge that two such triangles share is inside of the part.
+                    // An edge that two triangles of such a part share is no edge of the part's surface.
                     if !surface.insert(edge) {
                         surface.remove(&edge);
                     }
