@@ -20,9 +20,9 @@ use std::process::Command;
 /// the procedure runs only while the storage does not work. The functions that these two call are in RAM unless the linker script below
 /// selects them by name.
 ///
-/// Code that relies on the time between two instructions must also be in RAM, in a function of its own
-/// that is never inlined into one in flash. `CODE_SHIFT` shifts all code by that many bytes; a test of
-/// this uses it.
+/// Code that relies on the time between two instructions must also be in RAM, in a function of its
+/// own that is never inlined into one in flash. `CODE_SHIFT` shifts all code by that many bytes;
+/// the test of this rule uses it.
 ///
 /// The last 64 KiB of flash hold settings and calibration and are not part of an image.
 const PICO: &str = "MEMORY {

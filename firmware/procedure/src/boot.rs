@@ -276,7 +276,7 @@ impl Boot {
             // A run that ends this way writes no record, so it is counted here.
             ResetCause::Watchdog | ResetCause::Unexplained => counted.saturating_add(1),
             ResetCause::Software if flags.is_by_firmware() => counted,
-            // Also the boot loader's start of a new image, which has not crashed yet.
+            // This includes the boot loader's start of a new image, which has not crashed yet.
             _ => 0,
         };
         let boot = Self {
@@ -312,7 +312,7 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
         Some(WordKind::Count) | None => None,
     };
     if flags.is_by_firmware() {
-        // Without a record, a forced reset is unexplained: the cause is written before a reset.
+        // A forced reset without a record is unexplained: the firmware writes its cause beforehand.
         let silent = if flags.forced {
             ResetCause::Unexplained
         } else {

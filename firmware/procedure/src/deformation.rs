@@ -186,10 +186,10 @@ impl Follower {
 
     /// Shifts the reference so that the inductance change is zero for the untouched sensor.
     ///
-    /// Temperature and the quantisation of the reading that set the reference shift it. At rest the
-    /// baseline removes this error. Under pressure, where the curve has another slope, an error would
-    /// remain and be larger. A deformation from which the sensor still recovers is real and is not
-    /// removed.
+    /// The reference was shifted by the temperature, and by the quantisation of the reading that
+    /// set it. At rest the baseline removes this error. Under pressure, where the curve has another
+    /// slope, an error would remain and be larger. A deformation from which the sensor still
+    /// recovers is real and is not removed.
     fn count_from_zero(
         &mut self,
         reading: &Reading,

@@ -48,7 +48,7 @@ pub(crate) struct Forecast {
 }
 
 impl Heat {
-    /// Creates the state of a coil without current since its copper had this temperature, a time `ago`.
+    /// Creates the state of a coil whose copper had this temperature `ago`, without current since.
     pub(crate) fn new(
         coil: &Coil,
         temperature: Option<Celsius>,

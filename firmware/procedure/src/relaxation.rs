@@ -9,8 +9,8 @@
 //!
 //! D kappa = -W D ln x + kappa D z - g (D z_D - D z), with W = 1 + kappa + g,
 //!
-//! and the relaxation is D kappa/kappa. Both layers are assumed to creep as [`CREEP`] says; the deviations
-//! of each from it, of [`CREEP_UNCERTAINTY`], are independent. kappa is that of the estimate. It lacks the
+//! and the relaxation is D kappa/kappa. Both layers are assumed to creep as [`CREEP`] says, with
+//! independent deviations of [`CREEP_UNCERTAINTY`]. kappa is that of the estimate. It lacks the
 //! unknown compression before the first time, and so is too small ([`BEFORE`]).
 //!
 //! The coil's heat softens both layers alike, which changes the result by as much as the springs: 0.1 %.
@@ -28,16 +28,16 @@ use crate::time::{Instant, seconds};
 /// Relative creep of the sensing layer while the age of the deformation grows by a factor of e: three
 /// modes of 6 % each, averaged over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml).
 pub(crate) const CREEP: f32 = 0.018;
-/// Standard uncertainty of [`CREEP`], which ranges from zero to twice that value.
+/// Standard uncertainty of [`CREEP`]: a layer's creep is from zero to twice `CREEP`.
 pub(crate) const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 /// Time of a held press after which the relaxation is reported for the last time.
 const HELD: Second = Second(3.0);
 
 /// Relative standard uncertainty from the object's compression before the first level, which kappa lacks.
-/// Reported over true relaxation, median of objects that relax by half with a time constant of 0.5 to 5
-/// s: 0.80 to 0.87 (`cargo campaign relaxation --plants 3 --seed 1400001`), 0.95 to 1.05 on other sensors
-/// (`--plants 12 --seed 1410001`), where error over standard error is 0.9 to 1.1.
+/// The median of reported over true relaxation, for objects that relax by half with a time constant of
+/// 0.5 to 5 s, is 0.80 to 0.87 (`cargo campaign relaxation --plants 3 --seed 1400001`), and 0.95 to 1.05
+/// on other sensors (`--plants 12 --seed 1410001`), where error over standard error is 0.9 to 1.1.
 const BEFORE: f32 = 0.15;
 
 /// Mean deformation of a block of time without current.

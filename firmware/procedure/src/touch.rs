@@ -35,7 +35,7 @@ struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    // Functions of this module alone: generic ones of `core` would be in memory.
+    // Written here, since generic functions of `core` would be placed in RAM.
     #[inline(never)]
     fn next(&mut self) -> f32 {
         if let Some(second) = self.second.take() {
@@ -155,10 +155,10 @@ fn covers(profile: &Profile, [x, y, radius]: [f32; 3], coils: &[Coil]) -> Result
     }))
 }
 
-/// Readings of an array's coils, and what they were untouched.
+/// Readings of an array's coils, pressed and untouched.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Touching {
-    /// For each coil the code to which changes refer, that of its first reading; 0 before.
+    /// For each coil, the code of its first reading, from which changes are counted; 0 before it.
     references: [u32; MOST_COILS],
     /// Relative change of the inductance of the untouched sensor from the reference.
     rest: [f32; MOST_COILS],
@@ -169,8 +169,8 @@ pub(crate) struct Touching {
     /// Converters with a scan since the last result: bits 0 and 1.
     scanned: u8,
     track: Track,
-    /// Distance of the present press from the centre, and the stated tolerance, m, if it is beyond that.
-    /// A field, which can be read from memory while flash cannot.
+    /// Distance of the present press from the centre and the stated tolerance, m; `None` within it.
+    /// A field, so that it can be read from RAM while flash cannot be read.
     pub(crate) off_centre: Option<(f32, f32)>,
 }
 
@@ -218,8 +218,8 @@ impl Touching {
         Some(self.judged(of, memory, configuration.contact_within_m()))
     }
 
-    /// Compares the place of a press with the tolerance of the contact; without a place, what was known of
-    /// the press stays.
+    /// Compares the place of a press with the tolerance of the contact. Not called for a reading
+    /// without a place: the earlier comparison then stays.
     fn compare(&mut self, press: &Press, within_m: Option<f32>) {
         let distance_m = sqrt(press.x.0 * press.x.0 + press.y.0 * press.y.0);
         self.off_centre = within_m

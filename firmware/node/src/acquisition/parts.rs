@@ -23,9 +23,9 @@ const MARGIN_US: i32 = 5;
 const MASTER_US: i32 = 10;
 /// Time to read one register between two frames, in microseconds: 48 bits of 2.5 us, and [`MASTER_US`].
 const REGISTER_US: i32 = 130;
-/// Least free time in a scan period, in microseconds, for the task that took the last frame to start a
-/// transaction of its own before the next frame. With 11 us, a task could not start one for four frames,
-/// and three frames were lost.
+/// Least free time in a scan period, in microseconds, for the task that took the last frame to
+/// start a transaction of its own before the next frame. With 11 us a task waited for its turn
+/// during four frames, and three frames were lost.
 const TURN_US: i32 = 40;
 
 /// Registers read in one transaction.

@@ -114,9 +114,9 @@ fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
     low
 }
 
-/// Ratio of the parallel resistance, and so of the amplitude, of the fully pressed sensor to that at
-/// rest: 6 to 5, since 0.4 mm between slabs raise the inductance by a fifth, and the resistance is L/(R
-/// C).
+/// Ratio of the parallel resistance, and so of the amplitude, of the fully pressed sensor to that
+/// at rest: 6 to 5, since a deformation of 0.4 mm between slabs raises the inductance by a fifth,
+/// and the resistance is L/(R C).
 const PRESSED: [u32; 2] = [6, 5];
 
 /// Returns the strongest drive that leaves room for a press: the pressed sensor's amplitude, a fifth

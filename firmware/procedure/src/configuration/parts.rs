@@ -83,8 +83,8 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
     }
 }
 
-/// Returns whether a command sets or removes the calibration's identity; setting any part removes it but
-/// the tip, which is not calibrated, and the array, which is calibrated by itself.
+/// Returns whether a command sets or removes the calibration's identity; setting any part removes
+/// it, except the tip, which is not calibrated, and the array, which is calibrated by itself.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
         SetAttraction, SetCalibrationIdentity, SetCoil, SetContact, SetCrosstalk,

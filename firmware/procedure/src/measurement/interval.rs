@@ -252,8 +252,8 @@ const LEAST_MISFIT: f32 = 0.005;
 const OF_USUAL_BEND: f32 = 2.0;
 
 /// Adds the uncertainty that the bend of the ramps' line causes to the claim. Refuses a bend whose
-/// uncertainty exceeds both all other uncertainties and the allowed one. `scatter` is the ratio of the
-/// noise that the ramps show to the noise of the fit, `usual` the bend of the calibration's trains.
+/// uncertainty exceeds the allowed one and that of the claim. `scatter` is the ratio of the noise
+/// that the ramps show to the noise of the fit, `usual` the bend of the calibration's trains.
 fn with_misfit(
     claim: LoadRatio,
     bend: Option<Bend>,
@@ -407,9 +407,9 @@ fn of_temperature(calibrated: &Calibrated) -> Calibration {
     }
 }
 
-/// Returns the standard error of one uniform error that replaces the two of springs and stiffening. To
-/// give the distribution the same shape it has the sum of their fourth cumulants, which grow with the
-/// fourth power of each error.
+/// Returns the standard error of one uniform error that replaces the two of springs and stiffening.
+/// Its fourth cumulant is the sum of theirs, which keeps the shape of the distribution; a fourth
+/// cumulant grows with the fourth power of its error.
 fn both_uniform(temperature: &Budget) -> f32 {
     let fourth = |error: f32| (error * error) * (error * error);
     sqrt(sqrt(

@@ -228,7 +228,7 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     );
 }
 
-/// The wrong number, the outcome of the last chunk, and the index that it names.
+/// Each case: a wrong number by its index and value, the outcome of the last chunk, and the answer's item.
 #[test]
 fn an_array_that_cannot_work_is_refused_and_the_one_before_stays() {
     let mut rig = Rig::started();

@@ -61,7 +61,7 @@ fn a_held_press_reports_how_its_object_relaxes() {
             let before_s = at_s - f64::from(relaxation.held_s);
             let kappa = f64::from(estimate.load_ratio);
             let grown = (truth(&rig, at_s) - truth(&rig, before_s)) / (kappa * ratio);
-            // The sensor of this test does not creep, as the procedure expects it to.
+            // Unlike the sensor that the procedure assumes, the sensor of this test does not creep.
             let older = ((at_s - touched_s) / (before_s - touched_s)).ln();
             let off = f64::from(relaxation.relaxation) - grown - 0.018 * older;
             // The estimate's c_S/c_L is that of the train, not that of the first level.
@@ -88,7 +88,7 @@ fn a_press_that_moves_or_is_lifted_reports_none() {
     let mut rig = pressed(1.0, 0.3);
     rig.measure();
     for _ in 0..1_000 {
-        // A tenth of a millimetre per second of the sensing layer.
+        // The sensing layer moves by 0.1 mm/s: 0.35 um per conversion, shared by all springs.
         rig.sensor.depth_m += 3.5e-7;
         rig.convert();
     }

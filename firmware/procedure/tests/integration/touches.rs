@@ -108,7 +108,7 @@ fn a_press_is_found_after_rest_and_its_rest_stays_for_as_long_as_it_lasts() {
             let off = (found.x_m.unwrap() - x).hypot(found.y_m.unwrap() - y);
             assert!(off < 2e-5, "{found:?}");
             assert!((found.force_n.unwrap() - 0.8).abs() < 5e-3, "{found:?}");
-            // Those of readings and calibration: 2 um is what the array states as common.
+            // The uncertainty includes 2 um, which the array states as common to all places.
             assert!(found.x_sigma_m.unwrap() > 2e-3 * 1e-3, "{found:?}");
         }
     }
@@ -213,7 +213,7 @@ impl Both {
         self.measured_by(pressed(x, y, 0.8))
     }
 
-    /// The same with these changes of the coils' inductances.
+    /// As [`measured`](Self::measured), with these changes of the coils' inductances.
     fn measured_by(&mut self, changes: [f64; 4]) -> (Vec<Refusal>, usize) {
         self.rig.records.clear();
         self.changes = changes;
@@ -246,7 +246,7 @@ fn stiffness_is_refused_off_the_centre_by_more_than_the_stated_tolerance() {
         );
         assert_eq!(refusal.limit, Some(1e-3));
     }
-    // The place of that press is forgotten with it: nothing is known of where the next one is.
+    // That press and its place are over. The readings of the next press give no place.
     let [most, ..] = pressed(0.0, 0.0, 0.8);
     assert_eq!(both.measured_by([most; 4]), (vec![], 1));
     // A press in the centre afterwards.

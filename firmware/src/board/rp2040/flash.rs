@@ -125,7 +125,7 @@ fn read_on_four_wires() {
     // SAFETY: only this code uses the controller, and flash is not read meanwhile.
     let controller = unsafe { &*XIP_SSI::ptr() };
     let set_up = |format: u32| {
-        // SAFETY: as above.
+        // SAFETY: only this code uses the controller, and flash is not read meanwhile.
         unsafe {
             controller.ssienr().write(|w| w.bits(0));
             controller.baudr().write(|w| w.bits(FLASH_DIVIDER));
@@ -138,7 +138,7 @@ fn read_on_four_wires() {
     // Interrupts are off for these ten cycles: the controller sends only what is in its FIFO in time.
     cortex_m::interrupt::free(|_| {
         for word in [FAST_READ, CONTINUOUS] {
-            // SAFETY: as above.
+            // SAFETY: only this code uses the controller, and flash is not read meanwhile.
             controller.dr0().write(|w| unsafe { w.bits(word) });
         }
     });
@@ -256,7 +256,7 @@ fn program_page(address: u32, page: &[u8; PAGE]) {
     bridge_off();
     // SAFETY: a page of the area.
     let program = || unsafe { rom_data::flash_range_program(address, page.as_ptr(), PAGE) };
-    // SAFETY: as above.
+    // SAFETY: of the code that can run, only the storage's is in flash, and it waits here.
     unsafe { by_commands(program) }
 }
 

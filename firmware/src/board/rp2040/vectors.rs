@@ -79,7 +79,7 @@ fn mask() -> u32 {
         let nvic = unsafe { &*NVIC::PTR };
         let enabled = nvic.iser.first().map_or(0, |iser| iser.read()) & !NEVER_MASKED;
         if let Some(icer) = nvic.icer.first() {
-            // SAFETY: as above.
+            // SAFETY: masking interrupts cannot break an assumption of other code.
             unsafe { icer.write(enabled) };
         }
         cortex_m::asm::dsb();
@@ -95,7 +95,7 @@ fn unmask(enabled: u32) {
     // SAFETY: these were enabled when the section began.
     let nvic = unsafe { &*NVIC::PTR };
     if let Some(iser) = nvic.iser.first() {
-        // SAFETY: as above.
+        // SAFETY: these were enabled when the section began.
         unsafe { iser.write(enabled) };
     }
 }

@@ -81,7 +81,7 @@ fn assert_true(tally: &Tally, headers: &[Header]) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
 
-    /// Also covers the wrap of both counters, sequence numbers and dropped frames.
+    /// Also covers the wrap of both counters: sequence numbers, and dropped frames.
     #[test]
     fn produced_is_received_and_missing(
         first in prop_oneof![any::<u32>(), (u32::MAX - 200)..],

@@ -40,10 +40,10 @@ const CONTROL_BEGINS: u32 = CYCLES - cycles(TRIGGER_NS);
 /// Time in the bridge's period at which the mid-period current is in its slot, in nanoseconds: 8 us to the
 /// middle, the bridge's delay, 2 us for the conversion, and 100 ns for the ADC's synchronisation and DMA.
 const CONVERTED_NS: u32 = 8_000 + BRIDGE_DELAY_NS + 2_000 + 100;
-/// The same as a count of the control slice. What delays the interrupt, such as the stamp of an edge, falls
-/// into the conversion.
+/// [`CONVERTED_NS`] as a count of the control slice. What delays the interrupt, such as the stamp
+/// of an edge, passes during the conversion.
 const CONVERTED: u32 = cycles(CONVERTED_NS.saturating_sub(TRIGGER_NS));
-/// Maximum number of looks at the count, of four cycles or more, until it has got there.
+/// Maximum number of polls of the count, four cycles or more each, until it reaches [`CONVERTED`].
 const LOOKS: u32 = CONVERTED / 4;
 /// Number of loops of 39 cycles in [`start_together`] for the bridge's delay; the rest of it takes nine.
 const LOOPS: u32 = cycles(BRIDGE_DELAY_NS).saturating_sub(9) / 39;

@@ -61,7 +61,7 @@ pub(crate) fn list(items: &[Vec<u8>]) -> Vec<u8> {
 /// A header, a kind and a payload for it.
 pub(crate) type Parts = (Header, &'static Kind, Vec<u8>);
 
-/// Any message; floats have any bits, or are finite only.
+/// Any message. If `finite`, its floats are finite; otherwise they have any bits.
 pub(crate) fn any_parts<M: Message>(finite: bool) -> impl Strategy<Value = Parts> {
     let kind = (0..M::KINDS.len()).prop_map(|index| &M::KINDS[index]);
     (any_header(), kind).prop_flat_map(move |(header, kind)| {
