@@ -6,8 +6,8 @@
 //! cargo build -p ldc161x --example stm32f411 --target thumbv7em-none-eabihf
 //! ```
 //!
-//! On any other target the program only prints which target it needs: the tests build all examples,
-//! on a PC too.
+//! On any other target the program only prints which target it needs, because the tests build all
+//! examples for the PC as well.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

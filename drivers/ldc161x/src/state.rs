@@ -101,8 +101,8 @@ impl DriverState {
     }
 
     /// Stores the requested configuration, and marks the chip as stopped.
-    // Not inlined: as arguments, source and destination are known not to overlap; within the
-    // calling future the compiler does not know it.
+    // Not inlined: two arguments are known not to overlap. Of source and destination within the
+    // calling future the compiler does not know that.
     #[inline(never)]
     pub(crate) fn request(&mut self, configuration: &Configuration) {
         self.stopped();

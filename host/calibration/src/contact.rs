@@ -71,7 +71,7 @@ pub(crate) fn effect(
         }
     }
     let (at_rim, spread) = statistics(&changes);
-    // Of two tilted presses the larger shift counts: Student's t of two is 13.
+    // Of two tilted presses the larger shift counts: from two values, Student's factor would be 13.
     let greatest_m = shifts_m.iter().copied().fold(0.0, f64::max);
     let [place, tilt] = root_mean_squares(at_rim, greatest_m / layer.depth_m);
     if effect.within_m > 0.0 {
@@ -183,7 +183,8 @@ mod tests {
 
     use super::*;
 
-    /// The root of the mean square of what both shift, over many contacts within the tolerance.
+    /// Compares the stated uncertainty with the root mean square of both shifts together, over many
+    /// contacts within the tolerance.
     #[test]
     fn the_uncertainty_is_the_root_of_the_mean_square_of_both() {
         for (at_rim, shift) in [(-0.01, 0.02), (-0.02, 0.0), (0.01, 0.02), (0.0, 0.03)] {
@@ -199,7 +200,7 @@ mod tests {
             let drawn = (squares / 1e5).sqrt();
             let [place, tilt] = root_mean_squares(at_rim, shift);
             let stated = place.hypot(tilt);
-            // Where the two cancel in part, the squares alone are stated.
+            // Where the two shifts partly cancel, only the sum of their squares is stated.
             let ratio = stated / drawn;
             let most = if at_rim > 0.0 { 1.7 } else { 1.01 };
             assert!((0.99..most).contains(&ratio), "{at_rim} {shift}: {ratio}");

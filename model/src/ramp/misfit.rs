@@ -61,8 +61,8 @@ impl Bend {
         self.beyond(SIGNIFICANT * scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Magnitude of the bend beyond noise: root of its square minus the square of `standard_errors`
-    /// times its standard error.
+    /// Magnitude of the bend b beyond noise: sqrt(b^2 - (k sigma)^2), where k is `standard_errors`
+    /// and sigma the standard error of b.
     fn beyond(&self, standard_errors: f32) -> f32 {
         let Coefficient {
             value,

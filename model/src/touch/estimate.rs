@@ -1,5 +1,5 @@
 //! The fit: steps of Gauss and Newton on x, y, ln F and ln a. The length of a step follows from the
-//! curvature along the one before.
+//! curvature along the previous step.
 
 use super::array::{Array, Coil, MOST_COILS};
 use super::matrix::{Cholesky, Matrix, UNKNOWNS, Vector, dot};
@@ -12,10 +12,10 @@ use crate::units::{Metre, Newton};
 /// What is known of the contact before a press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Indenter {
-    /// Nothing: any radius of the calibration's range.
+    /// No knowledge: any radius of the calibration's range.
     Unknown,
     /// The contact's radius follows from the force: a = radius (F / 1 N)^exponent. The exponent is
-    /// 0 of a flat pin and 1/3 of a ball (Hertz).
+    /// 0 for a flat pin and 1/3 for a ball (Hertz).
     Declared {
         /// Radius of the contact at 1 N.
         at_one_newton: Metre,
@@ -26,11 +26,11 @@ pub enum Indenter {
     },
 }
 
-/// Normal distribution of ln a, beforehand: mean ln_radius + exponent ln F.
+/// Prior normal distribution of ln a, with the mean ln_radius + exponent ln F.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prior {
     pub(super) ln_radius: f32,
-    /// As `ln_radius`, where a fit starts: the middle of an unknown one's range.
+    /// As `ln_radius`, but for the start of a fit: mid-range if the radius is unknown.
     pub(super) start: f32,
     pub(super) exponent: f32,
     pub(super) sigma: f32,
@@ -42,8 +42,8 @@ impl Prior {
     fn new(indenter: &Indenter, [low, high]: [f32; 2]) -> Option<Self> {
         /// Standard deviation of a uniform distribution over its width.
         const UNIFORM: f32 = 0.288_675;
-        /// Mean of an unknown radius over the calibrated logarithms. Readings tell large radii apart
-        /// without it, and small ones hardly: these alone it has to be near.
+        /// Mean of ln a of an unknown radius, as a fraction of the calibrated range. Only for small
+        /// radii it has to be right: readings hardly tell those apart, but do so for large ones.
         const LOWER_THIRD: f32 = 1.0 / 3.0;
         let prior = match *indenter {
             Indenter::Unknown => Self {
@@ -133,7 +133,7 @@ pub(super) struct State(pub(super) Vector);
 /// Cost at a state, with the information and the gradient.
 struct Normal {
     chi_square: f32,
-    /// Part of the indenter in it.
+    /// Part of the cost that the indenter causes.
     of_indenter: f32,
     /// Lower triangle.
     information: Matrix,
@@ -142,21 +142,21 @@ struct Normal {
 }
 
 /// Evaluations of the model after the start. 4,000 presses all over the discs of `three-around-one`
-/// and `seven` took 4.4 on average and 15 at most, and 4 to 9 with the press before.
+/// and `seven` took 4.4 on average and 15 at most, and 4 to 9 from the previous press.
 const MOST_EVALUATIONS: u8 = 20;
 /// Evaluations for each scan of a track: at the press of the scan before, and after a step.
 const EVALUATIONS_PER_SCAN: u8 = 2;
-/// Part of the way from where a fit starts to where it ends by which the start of the next one follows,
-/// and by which its motion does. The next fit then starts where a press that slides will be, with less
-/// noise than that of one scan, and two evaluations reach its end: of 450 scans of four coils at 250
-/// scans/s 387 were claimed without, in `touch::four_coils...` of `system-tests`. The second number
-/// follows from the first (Benedict and Bordner 1962).
+/// Gains of an alpha-beta filter: fractions of the way from a fit's start to its end by which the next
+/// start, and the motion per scan, are corrected. The next fit then starts near the present place of a
+/// sliding press, with less noise than one scan has, and two evaluations are enough: without the
+/// filter 387 of 450 scans of four coils at 250 scans/s were claimed, in `touch::four_coils...` of
+/// `system-tests`. The second gain follows from the first (Benedict and Bordner 1962).
 const FOLLOWED: f32 = 0.4;
 const FOLLOWED_BY_MOTION: f32 = 0.1;
-/// Scans without a claim after which a track starts anew: as many evaluations as a fit has.
+/// Scans without a claim after which a track starts anew: as many evaluations as one fit may take.
 const MOST_SCANS: u8 = MOST_EVALUATIONS / EVALUATIONS_PER_SCAN;
-/// A reading is contact above this number of standard deviations of its noise: one scan of eight
-/// channels in 400,000 is by chance.
+/// A reading above this number of standard deviations of its noise counts as contact: by chance,
+/// one scan of eight channels in 400,000 does.
 pub const LEAST_SIGNIFICANCE: f32 = 5.0;
 /// Greatest posterior over prior standard deviation of ln a at which a radius is claimed: the prior
 /// pulls it towards its mean by at most one ninth of the distance.
@@ -193,7 +193,7 @@ impl Array {
         start(self, &scan, &prior).map_or(Verdict::NotConverged, |state| {
             let (verdict, state, _) = fit.from(state, 1.0, MOST_EVALUATIONS);
             match verdict {
-                // Beyond the array or in contradiction without an end; else nothing is known.
+                // A press beyond the array or a contradiction is reported even if the steps have run out.
                 Verdict::NotConverged => fit.unclaimed(&state),
                 verdict => verdict,
             }
@@ -295,8 +295,8 @@ impl Fit<'_> {
         ])
     }
 
-    /// Fits from a start, and judges; also returns where the fit has come to, and the part of a step to
-    /// go next.
+    /// Fits from a start. Returns the verdict, the state reached, and the fraction of the next step
+    /// to take.
     fn from(&self, start: State, mut length: f32, most_evaluations: u8) -> (Verdict, State, f32) {
         let mut state = self.bounded(start);
         let mut at = self.normal(&state);
@@ -331,7 +331,7 @@ impl Fit<'_> {
         (Verdict::NotConverged, state, length)
     }
 
-    /// What a fit without an end shows: a press beyond the array, or a contradiction.
+    /// Verdict of a fit without an end: a press beyond the array, or a contradiction.
     fn unclaimed(&self, state: &State) -> Verdict {
         let verdict = self.judge(state, &self.normal(state), MOST_EVALUATIONS);
         verdict.claimed().map_or(verdict, |_| Verdict::NotConverged)
@@ -496,11 +496,11 @@ impl Fit<'_> {
 
 /// Expected decrease of chi-square at which a fit ends: 0.03 standard errors from the best.
 const CONVERGED: f32 = 1e-3;
-/// Expected decrease of chi-square at which the step after the last evaluation ends a fit: one standard
-/// error, of which the curvature leaves less than a tenth (tests/integration/touch.rs: 0.08 at most, with
-/// up to sixteen times the noise of a converter).
+/// Expected decrease of chi-square at which one step after the last evaluation ends a fit: a step
+/// of one standard error, after which the curvature leaves less than a tenth
+/// (tests/integration/touch.rs: 0.08 at most, with up to sixteen times the noise of a converter).
 const NEAR: f32 = 1.0;
-/// Shortest part of a step after one that was accepted.
+/// Smallest fraction of a step to take after an accepted step.
 const SHORTEST: f32 = 0.2;
 
 /// Part of a step at which the parabola through its start, with the slope there, and its end is

@@ -7,13 +7,13 @@ pub(super) const UNKNOWNS: usize = 4;
 pub(super) type Vector = [f32; UNKNOWNS];
 pub(super) type Matrix = [Vector; UNKNOWNS];
 
-/// Rows l of the lower triangle with l l' = a matrix; the diagonal holds the inverse.
+/// Rows of the lower triangle L with L L' = a matrix; the diagonal holds the reciprocals.
 pub(super) struct Cholesky(Matrix);
 
 impl Cholesky {
     /// From the lower triangle of a matrix; `None` if it is not positive definite, or its digits are lost.
     pub(super) fn new(matrix: &Matrix) -> Option<Self> {
-        // Part of a diagonal element that rounding leaves of a zero.
+        // Fraction of a diagonal element that rounding may leave where it should be zero.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;
         let mut rows: Matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
         for (i, row) in matrix.iter().enumerate() {

@@ -40,7 +40,7 @@ pub struct Coefficients {
     pub quadratic: [f32; BY_RADIUS],
     /// Psi in the middle of the radii, its change with s, and with s^2, 1/N^2.
     pub bent: [[f32; BENT]; 3],
-    /// Greatest force of the calibration. Beyond it, readings grow evenly with the force.
+    /// Greatest force of the calibration. Beyond it, readings grow linearly with the force.
     pub greatest_force: Newton,
 }
 
@@ -98,7 +98,7 @@ impl Profile {
         })
     }
 
-    /// Distance from a coil at which its reading ends: the last spline's.
+    /// Distance from a coil beyond which its reading is zero: the end of the last spline.
     pub fn reach(&self) -> Metre {
         self.coefficients.spacing * (BASE + 1) as f32
     }

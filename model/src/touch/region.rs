@@ -33,7 +33,7 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub(super) fn new(region: Region, coils: &[Coil]) -> Self {
-        // A side that bounds nothing.
+        // Unused sides, which exclude no place.
         let mut sides = [[0.0, 0.0, f32::INFINITY]; MOST_COILS];
         let ordered = coils.iter().flat_map(|a| coils.iter().map(move |b| (a, b)));
         let found = ordered.filter_map(|(a, b)| side(a, b, coils));
@@ -62,8 +62,8 @@ impl Bounds {
     }
 }
 
-/// The side from `a` to `b`, if all coils lie on its left; of coils on one side's line, the two
-/// outermost make the side.
+/// The side from `a` to `b`, if all coils lie on its left; if several coils lie on its line, only
+/// between the two outermost.
 fn side(a: &Coil, b: &Coil, coils: &[Coil]) -> Option<Side> {
     // A distance below a thousandth of the side's length is rounding.
     const ON_LINE: f32 = 1e-3;

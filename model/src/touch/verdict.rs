@@ -6,7 +6,7 @@ use crate::units::{Metre, Newton};
 
 /// What the readings of a scan say.
 ///
-/// Only the first two claim something.
+/// Only the first two variants claim a press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// A press within the region: place, force and radius (the declared one, or the fitted one).
@@ -85,7 +85,7 @@ impl Press {
         let [mean, half] = [0.5 * (xx + yy), 0.5 * (xx - yy)];
         let difference = sqrt(half * half + xy * xy);
         let axis = |variance: f32| Metre(QUANTILE * sqrt(variance.max(0.0)));
-        // The direction of the larger axis is (difference + half, xy); of a circle there is none.
+        // The direction of the larger axis is (difference + half, xy); a circle has no direction.
         let along = difference + half;
         let angle_rad = if xy == 0.0 && half >= 0.0 {
             0.0

@@ -232,7 +232,7 @@ fn presses_all_over_the_disc_are_found() {
                 "{press:?} {cold:?}"
             );
             evaluations = evaluations.max(u32::from(found.evaluations));
-            // Another press before leads to the same one.
+            // From another previous press the fit ends at the same press.
             let before = Press {
                 x: Metre(-found.x.0 - 1e-3),
                 force: Newton(6.0),
@@ -257,8 +257,8 @@ fn presses_all_over_the_disc_are_found() {
     }
 }
 
-/// A press that slides by 20 mm/s, 250 scans/s with noise: of each scan the track, with two evaluations,
-/// has the press that a whole fit has.
+/// A press slides at 20 mm/s, with 250 noisy scans/s: for each scan the track, with two evaluations,
+/// gives the press that a whole fit gives.
 #[test]
 fn a_track_has_the_answers_of_a_whole_fit() {
     for (sensor, name) in [(&*THREE, "three"), (&*SEVEN, "seven")] {
@@ -320,7 +320,7 @@ fn coverage(sensor: &Sensor, draws: u32, seed: u64) -> ([f64; 4], f64) {
             rng.between(0.1, 2.0),
             rng.between(1.5e-3, 4.5e-3),
         ];
-        // The world of the estimator's own profile: errors are those that are drawn.
+        // Readings by the estimator's own profile, so that the only errors are those drawn.
         let exact: Vec<f64> = sensor
             .world
             .coils
@@ -426,7 +426,7 @@ fn what_is_no_single_press_inside_is_named() {
         let scan = sensor.scan(presses);
         sensor.array.estimate(&scan, &Indenter::Unknown, None)
     };
-    // Two contacts: seven coils notice, four do with a declared indenter.
+    // Two contacts: seven coils detect them, four coils only with a declared indenter.
     let seconds = [[-4e-3, -1e-3], [0.0, -5e-3], [-1e-3, 4e-3], [-5e-3, 2e-3]];
     let refused = |sensor: &Sensor, indenter: &Indenter| {
         let verdict = |second: &[f64; 2]| {
@@ -457,7 +457,7 @@ fn what_is_no_single_press_inside_is_named() {
     }
 }
 
-/// Both have the second moment of their pressure.
+/// A pin and its equivalent round contact have the same second moment of pressure.
 #[test]
 fn a_pin_counts_as_a_round_contact_of_five_thirds_of_its_square() {
     let mut world = World::new(5e-3, &seven());

@@ -85,7 +85,7 @@ fn too_short_a_settling_shows_in_amplitude_and_frequency() {
         ..Settings::ideal()
     };
     let settled_v = 4.0 * 3.9e3 * 342e-6 / PI;
-    // Settling lasts 16*settle/40 MHz; low-power activation, but full current in the last case.
+    // Settling lasts 16*settle/40 MHz. Activation is low-power; in the last case it uses full current.
     for (config, settle, missing, errors) in [
         (
             0x1E01,

@@ -34,7 +34,7 @@ fn nack_after_each_number_of_bytes() {
         // A byte that the chip refuses is no early termination by the master.
         assert_eq!(rig.chip.borrow().misuse(), Default::default());
     }
-    // S a p S a d d S a: the sixth byte is refused, which is the third address.
+    // S a p S a d d S a (START, address, pointer, data): the sixth byte, the third address, is refused.
     let rig = rig();
     rig.in_next(1, ChipFault::Nack { after_bytes: 5 });
     let (mut high, mut low) = ([0; 2], [0; 2]);

@@ -34,8 +34,8 @@ fn configuration(acquisition: Acquisition) -> Configuration {
     }
 }
 
-/// The same settings as `configuration`, as hexadecimal numbers that were worked out by hand from
-/// the datasheet's bit tables.
+/// The settings of `configuration` as hexadecimal numbers, worked out by hand from the datasheet's
+/// bit tables.
 fn channel_words(channel: u8) -> Vec<(u8, u16)> {
     let dividers = [0x1003, 0x2005, 0x3007, 0x4009];
     let drives = [0x8800, 0x9000, 0x9800, 0xA000];

@@ -102,9 +102,9 @@ impl Figures {
     }
 }
 
-/// Relative change of the deformation that creep may leave after a train, divided by the
-/// deformation that the train adds as a fraction of the greatest one. On the design `closed`, whose
-/// train more than doubles the deformation, it is up to 0.28 (swing 0.3 to 1.7, 0.07 to 0.12 left).
+/// Change of the deformation that creep may leave after a train, over the change that the train
+/// itself causes relative to the greatest deformation. On the design `closed`, whose train more
+/// than doubles the deformation, it is up to 0.28 (swing 0.3 to 1.7, 0.07 to 0.12 left).
 const LEFT_BY_TRAIN: f64 = 0.25;
 
 impl Figures {

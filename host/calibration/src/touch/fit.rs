@@ -18,9 +18,9 @@ const SETTLED: f64 = 1e-3;
 /// presses show it: 0.6 % under an array of seven coils whose currents couple them
 /// (`palpate_sim::touch`), less where they do not.
 pub(super) const FORM: f64 = 5e-3;
-/// The same relative to the largest reading of the press, over that: the residuals of small readings.
+/// Error of the form relative to the largest reading of a press, over `FORM`: residuals of small readings.
 pub(super) const FORM_OF_LARGEST: f64 = 0.4;
-/// Standard deviation of its logarithm beforehand: with four readings, errors of the bench hide it.
+/// Prior standard deviation of the logarithm of the form's error: with four readings, errors of the bench hide it.
 const FORM_SPREAD: f64 = 0.5;
 
 /// The fitted parameters.
@@ -156,7 +156,7 @@ fn beforehand(
     for index in BASE..PSI {
         add(index, 0.0, peak);
     }
-    // It changes the largest reading by half at the greatest force.
+    // Psi may change the largest reading by half at the greatest force.
     for index in PSI..COMMON {
         add(index, 0.0, 0.5 * peak / greatest_n);
     }

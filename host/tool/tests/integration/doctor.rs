@@ -96,7 +96,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     calibrate(folder);
     let flash = folder.join("board.flash");
     upset(&flash);
-    // The board reports a fault only when it begins, which is before the port exists here.
+    // The board reports a fault only once, when it begins: here before the port exists.
     let damaged = emulated(&["doctor", "--json"], folder);
     let found = names(&damaged);
     assert_eq!(

@@ -33,7 +33,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert_eq!(count("relaxation", "identical"), 2, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
-    // Other programs rewrite a file with the notes behind the messages: the replay is the same.
+    // Other programs write the metadata after the messages: the replay of such a file is the same.
     rewritten(&folder.join("r.mcap"), &folder.join("w.mcap"));
     let again = json(&palpate(&["replay", "w.mcap", "--json"], folder));
     assert_eq!(again["kinds"], replayed["kinds"], "{again}");

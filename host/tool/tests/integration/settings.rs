@@ -148,7 +148,7 @@ fn what_was_exported_and_erased_is_there_again_after_an_import() {
     let crc = configuration_crc(&commands);
     assert_eq!(imported["configuration_crc"], crc);
     assert_eq!(imported["stored"], true);
-    // Settings that were never set are not in the file; after setting them they are.
+    // Settings that were never set are not in the file; once they have been set, they are.
     let set = json(&["set", "rate_hz=500", "drift=linear", "--store"], folder);
     assert_eq!(set["settings"]["drift"], "linear");
     let exported = json(&["export", "first.jsonl"], folder);

@@ -7,8 +7,8 @@ use std::process;
 use super::commands::{self, Command};
 use super::desk::Start;
 
-/// Placeholders of the documents, each with its replacement, which differs from it where the tool
-/// expects a number or a verb.
+/// Placeholders of the documents with their replacements. Where the tool expects a number or a
+/// verb, the replacement is one.
 const PLACEHOLDERS: [(&str, &str); 11] = [
     ("FILE", "FILE"),
     ("FOLDER", "FOLDER"),
