@@ -64,15 +64,15 @@ pub struct Array {
     pub reach_m: f64,
 }
 
-/// Numbers of an array's calibration in the order of the protocol: where the disc begins, and the
-/// numbers of each coil, of which the first two are its place.
+/// An array's calibration is a list of numbers in the order of the protocol: index of the disc's
+/// first number, count of numbers of a coil (its place first), and count before the coils.
 const DISC: usize = 5;
 const OF_A_COIL: usize = palpate_wire::command::COIL_NUMBERS;
 const BEFORE_COILS: usize = palpate_wire::command::ARRAY_NUMBERS;
 
 impl Array {
-    /// Reads the array from its chunks, of which the last counts for each number; `None` unless all
-    /// numbers are there.
+    /// Reads the array from its chunks; a later chunk replaces the numbers of an earlier one.
+    /// `None` unless all numbers are there.
     pub fn of_chunks<'c>(chunks: impl IntoIterator<Item = &'c TouchArray>) -> Option<Self> {
         let mut numbers: Vec<Option<f64>> = Vec::new();
         for chunk in chunks {

@@ -63,8 +63,8 @@ impl CircuitParameters {
         }
     }
 
-    /// The same with the switching of the carrier's bridge (`hardware/README.md`), as the current
-    /// amplifier shows it: its lag of 0.55 us is counted as the bridge's.
+    /// These parameters with the switching of the carrier's bridge (`hardware/README.md`), as the
+    /// current amplifier shows it: its lag of 0.55 us is counted as the bridge's.
     ///
     /// A long pulse of the deck `bridge` (`hardware/spice`) begins 1.76 us and ends 1.15 us after
     /// its edges, each at half of the supply: 0.5 us of the DRV8701 (SLVSCX5B, 6.5), its gate
@@ -190,7 +190,7 @@ impl Decays {
     const BITS: u32 = 8;
 
     fn new() -> Self {
-        // No rate is NaN, so that no place has a decay yet.
+        // No rate equals NaN, so no place matches before it is filled.
         Self([Decay::over(f64::NAN, 0.0); 1 << Self::BITS])
     }
 

@@ -28,7 +28,7 @@ pub fn edges(levels: [u16; 2], full: u16) -> impl Iterator<Item = (f64, [bool; 2
     let (low, high) = (first.min(second), first.max(second));
     let moments = [0.0, low, high, 1.0 - high, 1.0 - low];
     let is_high = move |high: f64, at: f64| at < high || at >= 1.0 - high;
-    // One number for both levels: two bytes that are compared at once wait for their writes.
+    // Both levels in one number: comparing two bytes right after they are written stalls.
     let mut last = None;
     moments.into_iter().filter_map(move |at| {
         // At the full level both edges of an output coincide in mid-period: it stays high.

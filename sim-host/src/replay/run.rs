@@ -43,7 +43,7 @@ pub(super) struct Run {
     before_edge: Duration,
     /// Converter and channel of each deformation curve.
     curves: Vec<(u8, u8)>,
-    /// The untouched sensor of an array has been learnt by the replay as by the board.
+    /// Whether the replay has learnt the untouched sensor of an array from the same scans as the board.
     knows_rest: bool,
     /// Computed records that have not been compared yet.
     made: Vec<Record>,

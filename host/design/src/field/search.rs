@@ -60,7 +60,7 @@ pub(super) const JUDGED: [Figure; 4] = [
     Figure::Linkage,
     Figure::Force,
 ];
-/// Those and the greatest field in the plates, for a limit of it.
+/// [`JUDGED`] and the greatest field in the plates, for its limit.
 const JUDGED_WITH_PLATES: [Figure; 5] = [
     Figure::CoreMean,
     Figure::CvWhole,

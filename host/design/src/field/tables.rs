@@ -33,7 +33,7 @@ impl BeyondTable {
         beyond.into_iter().filter_map(of).collect()
     }
 
-    /// Prints them on standard error, for outputs that have no place for them.
+    /// Prints these parts on standard error, for outputs that have no place for them.
     pub(super) fn say_all(design: &Design, solved: &Solved) {
         for beyond in Self::all(design, solved) {
             say(format!("{}: {beyond}", design.name));

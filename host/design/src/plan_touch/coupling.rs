@@ -144,7 +144,7 @@ mod tests {
         Pair::of(&coil(0.0), &coil(apart_m))
     }
 
-    /// Rough sums of another program, for turns from 1.75 mm to an outer edge.
+    /// Compares with rough sums by another program, for turns from 1.75 mm to an outer edge.
     #[test]
     fn the_couplings_are_those_of_another_program() {
         for (outer_mm, apart_mm, expected) in [

@@ -187,7 +187,7 @@ pub(super) fn greatest([a, b]: [f64; 2], [c, d]: [f64; 2]) -> [f64; 2] {
 
 /// Part of a covariance that a combination of this information adds.
 fn part(product: f64, information: f64, least: f64) -> f64 {
-    /// Share of an unknown in a combination, squared, below which it takes no part in it: rounding.
+    /// Squared share of an unknown in a combination below which the share is only rounding.
     const NO_SHARE: f64 = 1e-9;
     if information > least {
         product / information
@@ -420,7 +420,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A noise of the inductance is one of the approach, over the coil's slope.
+    /// A relative noise of the inductance becomes a noise of the approach, over the coil's slope.
     #[test]
     fn a_relative_noise_is_an_approach() {
         let mut layout = three_around_one();

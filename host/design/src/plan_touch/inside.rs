@@ -46,7 +46,7 @@ impl Inside {
 
     /// Whether a press lies inside.
     pub(super) fn contains(&self, at: [f64; 2]) -> bool {
-        // A rounding error more than the margin counts the edge.
+        // Tolerance for rounding, so that the edge counts as inside.
         const EDGE_M: f64 = 1e-9;
         let beyond_m = match self.shape {
             Shape::Disc => distance(at, self.middle_m) - self.outermost_m,

@@ -37,7 +37,7 @@ pub(super) struct Coil {
 /// What is known of the contact's radius before a press, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Radius {
-    /// Nothing; computed at both ends of a range.
+    /// Unknown: computed at both ends of a range.
     Free([f64; 2]),
     /// The radius, with its relative standard error.
     Declared(f64, f64),
@@ -372,7 +372,7 @@ mod tests {
         assert!(refused("force_N = 1.0", "").contains("press.force_N: missing"));
     }
 
-    /// Comments of the built-in file against the ranges in force.
+    /// Compares the ranges in the built-in file's comments with the ranges in force.
     #[test]
     fn the_file_states_the_ranges() {
         for (key, allowed) in [

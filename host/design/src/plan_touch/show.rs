@@ -115,7 +115,7 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// What is read, and what is determined least.
+/// Greatest reading, and the least determined combination.
 fn remarks(map: &Map, limits: &Limits) -> String {
     let contact = format!("Contact of {:.1} mm:", 1e3 * map.radius_m);
     let [approach_m, share] = map.greatest_approach;
@@ -242,7 +242,7 @@ struct ErrorEntry {
     worst: Option<f64>,
 }
 
-/// The press of which least is known, with the combination that changes its readings least.
+/// The least determined press, with the combination that changes its readings least.
 #[derive(Serialize)]
 struct WorstEntry {
     x_m: f64,

@@ -1,4 +1,4 @@
-//! The simulated bench: on_rigs, stage and gauges of `palpate_sim`, for a calibration.
+//! The simulated bench: rigs, stage and gauges of `palpate_sim`, for a calibration.
 
 mod gauges;
 mod native;

@@ -392,7 +392,7 @@ fn every_spoiled_session_of_springs_alone_is_refused_for_its_reason() {
     judge(&session, &known, &WITHOUT_LOAD_CELL);
 }
 
-/// A bench with presses beside the centre and tilted, and what the drawn sensor makes of them.
+/// Presses beside the centre and tilted show the effects with which the sensor was drawn.
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn place_and_tilt_are_found_as_the_sensor_was_drawn() {
@@ -421,7 +421,7 @@ fn place_and_tilt_are_found_as_the_sensor_was_drawn() {
             .hypot(found.zero_uncertainty_m / calibration.depth_m());
         println!("{found:?} {lost} {shift_m}");
         let part = stated / both.sqrt();
-        // The scatter of the trains is in what is stated.
+        // The stated value also includes the scatter of the trains.
         assert!((0.85..1.5).contains(&part), "{part}");
         // The calibration itself is that of the centred block.
         let without = Session {

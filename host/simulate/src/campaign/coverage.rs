@@ -110,7 +110,7 @@ impl Judgement {
     }
 }
 
-/// Effective number of presses: independent presses of this number give the covered part the same
+/// Effective number of presses: as many independent presses would give the covered part the same
 /// variance. At most the number of presses; without any variance the number of sensors.
 fn independent(sensors: &[(usize, usize)], part: f64) -> f64 {
     let count = sensors.len() as f64;
@@ -220,7 +220,7 @@ mod tests {
         let near = |one: f64, other: f64| assert!((one - other).abs() < 0.01, "{one} {other}");
         near(ten_each.lower, alone.lower);
         near(ten_each.upper, alone.upper);
-        // Again 190 of 200, but ten sensors miss once each: presses are independent and count each.
+        // Again 190 of 200, but ten sensors miss once each: the presses are independent, so each counts.
         let apart = Coverage::of(
             [(9, 10)]
                 .repeat(10)

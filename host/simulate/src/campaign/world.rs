@@ -94,8 +94,7 @@ pub enum World {
     FarTilted,
 }
 
-/// Greatest distance and tilt of contacts where the bench has none: what a guide with some play
-/// allows.
+/// Greatest distance and tilt of contacts if the bench states no tolerance: what a guide with some play allows.
 const WITHIN_M: f64 = 1e-3;
 const TILT_RAD: f64 = 1.75e-3;
 /// Distance and tilt of contacts beyond the tolerance, in units of it.

@@ -25,7 +25,7 @@ use serde_json::{Map, Value};
 
 /// A computation whose results can be split into shards.
 pub struct Run {
-    /// Name of what numbers the results: seed, point.
+    /// Name of the number of a result: seed or point.
     unit: &'static str,
     /// Arguments that compute the results of these numbers only.
     arguments: fn(&RangeInclusive<u64>) -> String,
@@ -233,7 +233,7 @@ impl Run {
         )))
     }
 
-    /// What makes a shard one of another run; `None` if it is one of this.
+    /// Difference between a shard's run and this one; `None` if they are the same run.
     fn difference(&self, other: &Head) -> Option<String> {
         let own = &self.head;
         if other.shard_of != own.shard_of {
@@ -301,7 +301,7 @@ impl Shard {
     /// lock of a removed file then finds the shard.
     fn unlock(self) {
         if let Some((path, _locked)) = self.lock {
-            // A file that stays disturbs nothing.
+            // A file that cannot be removed does no harm.
             let _ = fs::remove_file(path);
         }
     }

@@ -14,7 +14,7 @@ pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D:
     text.parse().map_err(Error::custom)
 }
 
-/// The same for a number that may be absent.
+/// Numbers that may be absent, as text or null.
 pub mod optional {
     use super::{Deserialize, Deserializer, Error, Serialize, Serializer};
 

@@ -21,8 +21,8 @@ const LAYER: Layer = Layer {
     shear_modulus_pa: 100e3,
     poisson: 0.5,
 };
-/// Depths of the bench's presses, m: readings of deeper ones grow by more than the second order, and noise
-/// outweighs all else in presses below.
+/// Depths of the bench's presses, m: the readings of deeper ones grow by more than the second order; in
+/// shallower ones noise outweighs all other errors.
 pub const DEPTHS_M: [f64; 2] = [0.15e-3, 0.4e-3];
 /// Calibrated radii of contact, m.
 pub const RADII_M: [f64; 2] = [0.8e-3, 6e-3];
@@ -54,23 +54,23 @@ const BENCH: Bench = Bench {
         ln_radius: 0.01,
     },
 };
-/// Presses of a calibration, on a disc that reaches this much beyond the claimed one, m.
+/// Number of presses of a calibration, and how far their disc reaches beyond the claimed one, m.
 const HOLES: u32 = 50;
 const BEYOND_M: f64 = 2e-3;
 /// Relative standard error of the modulus that the bench finds.
 const MODULUS: f64 = 0.03;
-/// Way down of a press, and from its end to the reading, s; each press takes 0.8 to 1.25 of both.
+/// Time of a press's way down, and from its end to the reading, s; a press takes 0.8 to 1.25 times both.
 const WAY_DOWN_S: f64 = 0.5;
 const HELD_S: f64 = 0.2;
 /// Steps of the way down in which the layer's creep is followed.
 const WAY_DOWN: u32 = 8;
 /// Scans of the untouched sensor: their mean is the zero, their scatter the noise.
 const BASELINE: u32 = 64;
-/// Stands for a tip where the array's coils alone count.
+/// Placeholder for the tip where only the array's coils matter.
 pub(super) const ANY_TIP: Tip = Tip::Pin(1e-3);
 /// Stated relative uncertainty of a declared radius.
 pub const DECLARED: f64 = 0.05;
-/// A pin counts with this factor of its radius, sqrt(5/3): `palpate_model::touch`.
+/// A pin counts as a contact of this factor times its radius, sqrt(5/3): `palpate_model::touch`.
 pub const PIN: f64 = 1.290_994;
 /// Standard deviation of a number that is somewhere between 0 and 1.
 const UNIFORM: f64 = 0.288_675;
@@ -115,9 +115,9 @@ impl Kind {
 /// A press of the bench's table.
 #[derive(Clone, Debug)]
 pub struct TablePress {
-    /// What pressed.
+    /// The tip that pressed.
     pub tip: Tip,
-    /// What is known of it.
+    /// Place, force, radius and readings, as the bench knows them.
     pub known: KnownPress,
 }
 
@@ -348,7 +348,7 @@ impl TouchBench {
     }
 }
 
-/// The layer as the bench finds it, by presses as slow as its others: one that crept as far.
+/// The layer as the bench finds it, by presses as slow as the others, so that it has crept as far.
 fn known_layer(sensor: &TouchSensor, chance: &mut Stream) -> BenchLayer {
     let parameters = sensor.parameters();
     let middle_s = HELD_S + 0.5 * WAY_DOWN_S;

@@ -58,7 +58,7 @@ pub fn judged(
             let time_us = (1e6 * first_s) as u64;
             take(time_us, sample(sensor as u8, coils, sequence));
         }
-        // A place for the result.
+        // The replay replaces this touch by the instrument's result.
         let last_s = scan.coils.last().map_or(0.0, |of| of.time_s);
         let unknown = Touch::without_claim(TouchVerdict::Settling);
         take((1e6 * last_s) as u64, Record::Touch(unknown));

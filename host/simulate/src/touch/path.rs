@@ -73,7 +73,7 @@ const SIDE: Allowed = Allowed::new(0.5e-3, 20e-3, "m");
 const TILT: Allowed = Allowed::new(0.0, 11.0, "degrees");
 const TOWARD: Allowed = Allowed::new(-360.0, 360.0, "degrees");
 const PLACE: Allowed = Allowed::new(-20e-3, 20e-3, "m");
-/// A fifth of the layer's thickness is the deepest that a contact is computed for.
+/// Contacts are computed up to a depth of a fifth of the layer's thickness.
 const DEPTH: Allowed = Allowed::new(1e-6, 1e-3, "m");
 const FORCE: Allowed = Allowed::new(1e-4, 100.0, "N");
 const SECONDS: Allowed = Allowed::new(0.05, 60.0, "s");
@@ -90,7 +90,7 @@ impl TouchScenario {
     /// The built-in touches.
     ///
     /// # Errors
-    /// Never: a test reads them.
+    /// Never: a test reads the built-in paths.
     pub fn builtin() -> Result<Self, Failure> {
         Self::parse("the built-in paths", BUILTIN).map_err(Failure::Document)
     }
@@ -144,8 +144,8 @@ fn touch(section: &TableSection<'_>) -> Result<TouchPath, FileError> {
     })
 }
 
-/// Reads what presses. An array that needs a declared indenter takes a second ball for one, and an edge
-/// for a round face.
+/// Reads the indenter. Where the array needs a declared one, two balls are declared as one ball, and a
+/// tilted face or a bar as a round face.
 fn indenter(section: &TableSection<'_>) -> Result<(Indenter, Tip), FileError> {
     const OF_A_TIP: &[&str] = &["radius_m"];
     const OF_TILTED: &[&str] = &["radius_m", "tilt_deg", "toward_deg"];

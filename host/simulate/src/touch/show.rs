@@ -290,7 +290,7 @@ fn errors(of: impl Iterator<Item = Option<[f64; 3]>> + Clone) -> String {
     )
 }
 
-/// Share of those that are true.
+/// Fraction of the known values that are true.
 fn share(of: impl Iterator<Item = Option<bool>>) -> String {
     let known: Vec<_> = of.flatten().collect();
     let good = known.iter().filter(|good| **good).count();

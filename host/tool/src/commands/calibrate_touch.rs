@@ -91,7 +91,7 @@ struct IndenterSection {
     uncertainty: f64,
 }
 
-/// Standard deviation of ln a of a radius that is known to be within the range, uniformly.
+/// Standard deviation of ln a that is uniform over a range, in units of the range.
 const UNIFORM: f64 = 0.288_675;
 
 impl DesignFile {
@@ -131,7 +131,7 @@ impl DesignFile {
         Ok(design)
     }
 
-    /// The first number that nothing can be calibrated with.
+    /// Names the first number with which no calibration is possible.
     fn out_of_range(&self) -> Option<String> {
         let [least, greatest] = self.radii_mm;
         let above_zero = [

@@ -301,7 +301,7 @@ fn joined(placed: &[Placed], board: usize, angles: &[f64], rim_m: f64) -> Windin
     all
 }
 
-/// The round trip: inductance of each coil, and coupling of its neighbours, of the tracks and of the circles.
+/// The round trip: inductance of each coil and coupling of its neighbours, by the tracks and by the circles.
 fn explain(placed: &[Placed], count: usize) -> String {
     let henry = |filaments: &[Filament]| filament::inductance_h(filaments);
     let of_tracks: Vec<f64> = placed.iter().map(|of| henry(&of.filaments)).collect();

@@ -80,11 +80,11 @@ impl Drawing {
 
 /// Play of a tab in its slot, on either side, m.
 const PLAY_M: f64 = 0.25e-3;
-/// Parts that meet by less only touch, m.
+/// Overlap below which two parts only touch, m.
 const TOUCH_M: f64 = 1e-6;
 
-/// Parts of iron through which tabs of the boards lead, from above, each with its slots: name and drawing. Layers OUTLINE,
-/// SLOT and NOTE; the note has the heights of the slots.
+/// Name and drawing, from above, of each iron part through which tabs of the boards lead, with its slots. Layers
+/// OUTLINE, SLOT and NOTE; the note has the heights of the slots.
 pub(super) fn slotted(design: &Design, windings: &[Winding]) -> Vec<(String, String)> {
     let parts = design.parts.iter().filter(|part| !part.cast);
     let drawn = parts.filter_map(|part| {
@@ -181,7 +181,7 @@ mod tests {
 
     use super::*;
 
-    /// The tabs of both boards of `closed` pass its rims, and nothing else.
+    /// The tabs of both boards of `closed` pass its rims, and no other part.
     #[test]
     fn tabs_have_slots_in_the_iron_that_they_pass() {
         let design = builtin("closed").unwrap();

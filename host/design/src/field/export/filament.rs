@@ -1,4 +1,4 @@
-//! Resistance apart, what a conductor does in air: its inductance and its field, from straight filaments.
+//! Inductance and field of a conductor in air, from straight filaments.
 //!
 //! Each piece of track is two filaments with half of the current each, at ±w/(2√3) of its width w: the points of
 //! Gauss's rule, so that the mean over the width is exact to the third order. Their own distance R is such
@@ -262,7 +262,7 @@ mod tests {
         );
     }
 
-    /// The tracks against the circles, of which they are to be the copper.
+    /// Compares the tracks with the circles that they replace.
     #[test]
     fn tracks_do_what_the_turns_of_the_design_do() {
         for name in ["air", "sensing"] {

@@ -50,7 +50,7 @@ pub(super) fn volume_m3(outline: &[Point]) -> f64 {
     (TAU / 6.0 * parts.sum::<f64>()).abs()
 }
 
-/// Discs between what lies on the axis or beside it, where nothing is: spacers.
+/// Spacers: discs that fill the empty gaps along the axis between the parts.
 pub(super) fn spacers(design: &Design) -> Vec<Solid> {
     let rings = design.coils.iter().flat_map(|coil| &coil.rings);
     let boards = design.boards.iter().map(|board| &board.section);
@@ -79,7 +79,7 @@ pub(super) fn spacers(design: &Design) -> Vec<Solid> {
                 outline: vec![[0.0, gap[0]], [r_m, gap[0]], [r_m, gap[1]], [0.0, gap[1]]],
             });
         }
-        // What ends highest so far is below the next gap; of several, the widest.
+        // Below the next gap lies the part that ends highest so far; of several, the widest.
         if x_m[1] > below.0[1] + 1e-9 || (x_m[1] > below.0[1] - 1e-9 && r_m > below.1) {
             below = (x_m, r_m);
         }
@@ -87,8 +87,8 @@ pub(super) fn spacers(design: &Design) -> Vec<Solid> {
     spacers
 }
 
-/// Moulds for a cast body: a cup up to its widest height, and one for what is above, upside down. A cup opens
-/// upwards by the draft and has the body's radius at half of its height.
+/// Moulds for a cast body: a cup up to its widest height, and an upside-down cup for the part above. A cup
+/// opens upwards by the draft and has the body's radius at half of its height.
 pub(super) fn moulds(part: &MagneticPart, mould: &Mould) -> Vec<Solid> {
     let corners = corners(&part.shape);
     let radius_m = |x: f64| -> f64 {
@@ -180,7 +180,7 @@ pub(super) fn stl(solid: &Solid) -> Vec<u8> {
     let mut bytes = vec![0; 80];
     bytes.extend((triangles.len() as u32).to_le_bytes());
     for triangle in triangles {
-        // Readers compute the normal from the corners where it is zero.
+        // Where the normal is zero, readers compute it from the corners.
         let numbers = [[0.0; 3]].into_iter().chain(triangle).flatten();
         bytes.extend(numbers.flat_map(f32::to_le_bytes));
         bytes.extend([0, 0]);

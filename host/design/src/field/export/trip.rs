@@ -1,4 +1,4 @@
-//! The round trip: what the exported tracks do, against the design.
+//! The round trip: compares the exported tracks with the design.
 
 use core::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -75,7 +75,7 @@ struct Row {
     design: f64,
 }
 
-/// What the tracks of a series do.
+/// Results for the tracks of windings in series.
 pub(super) struct RoundTrip {
     rows: Vec<Row>,
     /// Field across the axis at the core's middle, relative to that along it.
@@ -101,8 +101,8 @@ impl RoundTrip {
         let of_design = series
             .of_design(design)
             .map(|coil| design.coil_resistance_ohm(coil));
-        // Thin tracks refine the mesh, which then is better than asked for: with 1e-3 in place of 5e-3 L of the
-        // built-in sensing coil changes by less than 1e-5, and takes twice the time.
+        // Thin tracks refine the mesh, so the accuracy is better than requested: with 1e-3 instead of 5e-3, L
+        // of the built-in sensing coil changes by less than 1e-5, and takes twice the time.
         let effort = match series.current_a {
             Some(_) => effort.clone(),
             None => effort.at_most_accurate(5e-3),
@@ -213,7 +213,7 @@ fn as_tracks(design: &Design, series: &Series<'_>) -> (Design, Vec<usize>) {
     (changed, coils)
 }
 
-/// How often a track goes around at each ring's radius: what lies between two rings is divided between them.
+/// Number of turns of a track at each ring's radius; a part between two rings is divided between them.
 fn shares(track: &Track, coil: &RingCoil) -> Vec<f64> {
     let radii: Vec<f64> = coil
         .rings

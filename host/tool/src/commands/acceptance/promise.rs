@@ -14,9 +14,9 @@ const AROUND_OHM: [f64; 2] = [0.02, 0.40];
 const RESISTANCE: [f64; 2] = [0.90, 1.15];
 /// Relative tolerance of the coil's inductance: 4 % of the self-test, and 8 % for the gap.
 const INDUCTANCE: [f64; 2] = [0.88, 1.12];
-/// What the self-test finds too little of resistance and inductance, relative, for each unit of the dead time that it
-/// finds as a share of the period: short pulses lose more than long ones (`hardware/README.md`). The carrier's bridge
-/// has 3.1 at most (`sim-host/tests/integration/coil_drive.rs`).
+/// Relative amount by which the self-test finds resistance and inductance too small, per dead time as a share of the
+/// period: short pulses lose more than long ones (`hardware/README.md`). The carrier's bridge has 3.1 at most
+/// (`sim-host/tests/integration/coil_drive.rs`).
 const BIAS: f64 = 3.3;
 /// Relative tolerance of the tank's frequency: 5 % of the capacitor and 5 % of the inductance, each by half.
 const FREQUENCY: f64 = 0.05;
@@ -112,7 +112,7 @@ impl Promise {
         )
     }
 
-    /// Parallel resistance of the tank with this quality factor, ohm, is the quality factor times this.
+    /// Characteristic impedance, ohm: the tank's parallel resistance is the quality factor times this.
     pub(crate) fn impedance_ohm(&self) -> f64 {
         1.0 / (core::f64::consts::TAU * self.frequency_hz * self.plant.tank.capacitance_f)
     }
@@ -137,7 +137,7 @@ impl Promise {
     }
 }
 
-/// Words for what the self-test finds too little.
+/// Words for the amount by which the self-test's result is too small.
 fn too_little(lost: f64) -> String {
     format!(
         "; the self-test finds up to {:.0} % too little through this bridge",
@@ -155,7 +155,7 @@ mod tests {
         let ([least, greatest], _) = promise.frequency_hz();
         assert!(least < 3.1e6 && greatest > 2.9e6, "{least} {greatest}");
         let ([_, drift], _) = promise.drift();
-        // 2 K of 30 ppm/K of the capacitor alone are 30 ppm.
+        // 2 K at 30 ppm/K of the capacitor alone change the frequency by 30 ppm.
         assert!((30e-6..1e-3).contains(&drift), "{drift}");
         // A capacitance that is twice as large lowers the frequency by the root of two.
         let action = promise.capacitor(promise.frequency_hz / 2.0_f64.sqrt());

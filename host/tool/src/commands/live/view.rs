@@ -30,7 +30,7 @@ pub(super) struct View {
     faults: Vec<Fault>,
     train: Train,
     measurements: Measurements,
-    /// Chunks of the array of coils, and what they say once all are there.
+    /// Chunks of the array of coils, and the array once all chunks are there.
     chunks: Vec<TouchArray>,
     array: Option<Array>,
     pub(super) calibration: Progress,
