@@ -11,7 +11,7 @@ use signal_hook::flag;
 /// Exit code after a second Ctrl-C, as shells report it: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
-/// Whether the program around this library asks to end waits for boards; unset in the tool.
+/// Function that says whether the program around this library asks to end waits for boards; unset in the tool.
 static PROGRAM: OnceLock<fn() -> bool> = OnceLock::new();
 
 /// Sets a function that is called about every 10 ms while a board is waited for. If it returns `true`,

@@ -312,7 +312,7 @@ pub(super) fn boundary_fields(design: &CoilDesign, gap_m: f64, r_m: f64) -> [Fie
     let mut fields = [Field::default(); 2];
     let (mut power, mut depth_m) = (1.0, gap_m);
     let mut before = 0.0;
-    // Each image is weaker by g², and the field of one far below by the cube of its distance.
+    // Each further image is weaker by g², and its field falls with the cube of its distance.
     let outer_m = 0.5 * design.outer_diameter_m;
     let far = |depth_m: f64| libm::pow(outer_m / (outer_m + depth_m), 3.0);
     while power * far(depth_m) > 1e-6 {
@@ -526,7 +526,7 @@ mod tests {
 
     #[test]
     fn a_tilted_boundary_is_that_of_mirror_images() {
-        // Nothing to first order; the slope's part is 9 % of the second.
+        // To first order the tilt has no effect; the slope's part is 9 % of the second order.
         let thick = CoilDesign {
             slab_m: 40e-3,
             ..COIL
@@ -550,7 +550,7 @@ mod tests {
 
     #[test]
     fn twice_the_rings_in_an_uneven_approach() {
-        // A dome as of a ball beside the axis.
+        // A dome as under a ball, beside the axis.
         let [coarse, fine] = [3, 6].map(|count| {
             let reading = Reading::sampled(&COIL, count, ANGLES);
             let moved = reading.samples().map(|sample| {

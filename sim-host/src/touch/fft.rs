@@ -1,8 +1,8 @@
 //! Fourier transforms on a square grid, for convolutions.
 //!
 //! The forward transform leaves the wave numbers in bit-reversed order (decimation in frequency),
-//! and the inverse takes them so: a product in between needs no reordering (Gentleman and Sande
-//! 1966). Own code: its results have the same bits on every platform.
+//! and the inverse expects that order: a product in between needs no reordering (Gentleman and
+//! Sande 1966). Own code: its results have the same bits on every platform.
 
 use core::f64::consts::TAU;
 

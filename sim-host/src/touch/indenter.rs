@@ -42,7 +42,7 @@ pub enum Indenter {
     },
 }
 
-/// Height of a face beyond an edge: it never touches, m.
+/// Height of a face beyond its edge, m: so high that it never touches.
 const BEYOND_M: f64 = 1.0;
 
 impl Indenter {

@@ -12,7 +12,7 @@ const SWITCH_OHM: f64 = 10.0;
 /// Resistance of a coil at its frequency, ohm: 0.3 m of copper, 0.25 mm by 35 um, is 0.6 ohm, and the
 /// skin adds to that (guess).
 const COIL_OHM: f64 = 1.0;
-/// Steps towards a tank's frequency, which the currents depend on little.
+/// Steps of the iteration to a tank's frequency; the currents depend little on it.
 const STEPS: u32 = 20;
 /// Factor between two frequencies whose difference gives a slope.
 const BESIDE: f64 = 1.0001;

@@ -31,7 +31,7 @@ const PERIOD: f64 = 8.0;
 const INSIDE: usize = 17;
 const OUTSIDE: usize = 65;
 
-/// Greatest r − a of a profile, in thicknesses of the layer; beyond it nothing moves.
+/// Greatest r − a of a profile, in thicknesses of the layer; beyond it the layer does not move.
 const OUTERMOST: f64 = 8.0;
 
 /// Heights above the layer's base of the slab's boundaries, m.
@@ -130,7 +130,7 @@ impl Contacts {
         let solver = RoundSolver::new(*layer);
         let deepest_m = DEEPEST * layer.thickness_m;
         let most_m = (0.9 * ball_m).min(2.0 * layer.thickness_m);
-        // To a thousandth: the table ends there.
+        // Accurate to a thousandth, which is enough for the end of the table.
         let widest_m = bisected(10, 0.05 * most_m, most_m, |radius_m| {
             solver.ball(ball_m, radius_m).depth_m < deepest_m
         });
@@ -442,7 +442,7 @@ impl Stencil {
     }
 }
 
-/// Bilinear interpolation on a square grid, centred at the origin; nothing moves outside.
+/// Bilinear interpolation on a square grid, centred at the origin; outside there is no displacement.
 fn bilinear(moved: &[Moved], side_m: f64, x_m: f64, y_m: f64) -> Moved {
     let size = libm::sqrt(moved.len() as f64);
     let place = |place_m: f64| (place_m / side_m + 0.5) * size - 0.5;

@@ -196,7 +196,7 @@ fn tilted_pins_are_those_of_a_finer_grid() {
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn tables_of_round_indenters_read_as_their_contacts() {
-    // Without the table between depths and without its profile; grids place the edge of a pin only
+    // The reference has neither the table between depths nor its profile; grids place the edge of a pin only
     // within a quarter of a cell.
     let solver = RoundSolver::new(LAYER);
     for radius_m in [1e-3, 4e-3] {

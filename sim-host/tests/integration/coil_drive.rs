@@ -50,7 +50,8 @@ fn the_self_test_finds_the_circuit() {
 }
 
 /// The carrier's bridge takes 1.1 us from the first level's short pulses, and 0.6 us from those of the second: the
-/// second current is greater than the first one and the levels say. `palpate doctor --expect` allows for this bias.
+/// second current is greater than the first current and both levels predict. `palpate doctor --expect` allows for
+/// this bias.
 #[test]
 fn the_self_test_through_the_carriers_bridge_finds_too_little_within_limits() {
     for (ohm, henry) in [(0.25, 40e-6), (0.389, 40e-6), (0.389, 143e-6), (1.0, 40e-6)] {

@@ -155,7 +155,7 @@ fn the_coils_heat_themselves() {
     world.set_current(10.0);
     world.advance(ms(20));
     let truth = world.truth();
-    // Adiabatic except for a share of 0.02 s in the time constant of 0.4 s.
+    // Adiabatic, except for the share that 0.02 s have in the time constant of 0.4 s.
     close(truth.copper_c - CALIBRATION_C, 38.9 / 0.8 * 0.02, 0.03);
     close(truth.heat_in_j, 38.9 * 0.02, 1e-9);
 }

@@ -236,7 +236,7 @@ impl MeasurementLine {
     }
 }
 
-/// Tip and contact tolerance of the board since its last start: another start may be without.
+/// Tip and contact tolerance of the board since its last start, since a later start may lack them.
 #[derive(Default)]
 struct Stated {
     boot_id: Option<u32>,
