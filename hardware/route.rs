@@ -56,7 +56,7 @@ struct Board {
     /// Net of an area of copper.
     area: [Vec<usize>; 2],
     planes: BTreeMap<usize, [f64; 4]>,
-    /// How many connections' tracks forbid a track, a via here; and the price that has grown.
+    /// Number of connections whose copper forbids a track here, and a via; and the price that has grown.
     used_track: [Vec<u16>; 2],
     used_via: Vec<u16>,
     history: Vec<f32>,
@@ -136,7 +136,7 @@ impl Board {
         hits[1].iter().for_each(|&cell| mark(&mut self.no_via, cell));
     }
 
-    /// Where a track may begin and end: within any shape of pad that has this rectangle.
+    /// Where a track may begin and end: a rectangle within the pad, whatever the pad's shape.
     fn core(&self, pad: usize) -> [f64; 4] {
         let [x0, y0, x1, y1] = self.pads[pad].rect;
         let inset = (x1 - x0).min(y1 - y0) / 4.0;
@@ -216,7 +216,7 @@ impl Board {
             let area = self.area[layer][cell];
             let others = match area {
                 0 => 0.0,
-                // Joined to its own area on the way, it would not measure at its pad.
+                // A sense track that touches the area of its net on the way would not measure at its pad.
                 own if own == net => {
                     if wanted.sense {
                         5.0 * AREA_COST
@@ -324,7 +324,7 @@ struct Router {
     board: Board,
     /// Names of the nets.
     names: Vec<String>,
-    /// Pads that measure at a pad.
+    /// Sense pads, each with the pad at which it measures.
     sense: Vec<(String, String)>,
     wanted: Vec<Connection>,
 }
@@ -438,7 +438,7 @@ impl Router {
         })
     }
 
-    /// Makes the places dearer, for good, that a connection shares with other nets; returns their number.
+    /// Raises permanently the price of the places that a connection shares with other nets; returns their number.
     fn raise(&mut self, index: usize, by: f64) -> usize {
         self.without_mates(index, |router, _| {
             let shared = router.board.conflicts(&router.wanted[index].path);

@@ -10,7 +10,7 @@ use crate::json;
 #[pyclass(frozen, module = "palpate")]
 pub(crate) struct Record {
     frame: Frame<WireRecord>,
-    /// Whether a recomputed record has the bytes of the board's; `None` for a received one.
+    /// Whether a recomputed record equals the board's in every byte; `None` for a received one.
     #[pyo3(get)]
     matches: Option<bool>,
 }

@@ -1,7 +1,7 @@
 //! A thread that owns a board, so that Python stays interruptible while the board is waited for.
 //!
-//! A link is no object that several threads may share, and Python runs its signal handlers in the main
-//! thread alone: that thread waits here in short turns, and asks the wait for a board to end.
+//! Threads cannot share a link, and Python runs its signal handlers only in the main thread: the main
+//! thread waits here in short turns, and after a signal asks the board's thread to end its wait.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -31,7 +31,7 @@ const CLOSING: Duration = Duration::from_secs(5);
 type Job = Box<dyn FnOnce(&mut library::Board) + Send>;
 
 thread_local! {
-    /// Whether the board of this thread is to be waited for no longer.
+    /// Whether this thread shall end its wait for the board.
     static IS_ASKED: RefCell<Arc<AtomicBool>> = RefCell::default();
 }
 
@@ -177,7 +177,7 @@ fn serve(
                     let mut queue = received.lock().unwrap_or_else(PoisonError::into_inner);
                     queue.extend(frames);
                 }
-                // An interrupt is for the job that it ended; a lost board is reported to the next job.
+                // An interrupt ends a job, not the reading ahead; a lost board is reported to the next job.
                 Err(_) => reads_ahead = is_asked.load(Ordering::Relaxed),
             },
         }

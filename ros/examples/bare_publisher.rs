@@ -43,7 +43,7 @@ fn publish(publisher: &Publisher<WrenchStamped>, rate_hz: u64, seconds: u64) {
     for index in first..first + rate_hz * seconds {
         let due_ns = index * period_ns;
         thread::sleep(Duration::from_nanos(due_ns.saturating_sub(now_ns())));
-        // The stamp is that of the sample, as a board has it; it is a whole period.
+        // The stamp is the time of the sample, as from a board: a whole number of periods.
         let message = WrenchStamped {
             header: Header {
                 stamp: Time::from_ns(due_ns as i64),
@@ -52,7 +52,7 @@ fn publish(publisher: &Publisher<WrenchStamped>, rate_hz: u64, seconds: u64) {
             force: Vector3 {
                 x: 0.0,
                 y: 0.0,
-                // As boards that play a recording.
+                // Numbered as by `played_boards`.
                 z: -((index % 10_000) as f64),
             },
             torque: Vector3::default(),

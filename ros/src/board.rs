@@ -269,14 +269,14 @@ impl Connection {
                 channel: 0,
             };
             match self.ask(&Command::GetCalibration(question)) {
-                // A board without this part.
+                // The board does not have this part.
                 Err(Failure::Refused(_)) => {}
                 other => other?,
             }
         }
         if arm {
             match self.ask(&Command::Arm) {
-                // It still measures forces.
+                // The board still measures forces.
                 Err(Failure::Refused(why)) => self.not_armed = Some(why),
                 other => other?,
             }

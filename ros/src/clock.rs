@@ -28,7 +28,7 @@ struct Known {
     high_ns: i64,
     /// Device time of the last exchange.
     at_ns: i64,
-    /// Offset of the last stamp, and device time of that.
+    /// Offset that the last stamp used, and its device time.
     applied_ns: i64,
     applied_at_ns: i64,
 }
@@ -121,8 +121,8 @@ mod tests {
 
     const START_NS: i64 = 1_700_000_000_000_000_000;
 
-    /// A device whose clock is 100 ppm fast. Exchanges of 1 ms to 20 ms, in which the answer is stamped
-    /// anywhere, as a bad link has them.
+    /// The device's clock is 100 ppm fast. Exchanges take 1 ms to 20 ms, and the answer is stamped
+    /// anywhere within them, as over a bad link.
     #[test]
     fn stamps_lie_within_their_uncertainty_and_in_order() {
         let mut clock = Clock::default();

@@ -29,7 +29,7 @@ pub struct Converter {
     /// The board's data are simulated.
     pub simulated: bool,
     tip: DeclaredTip,
-    /// Whether the samples have a force; that of an array's touches is left then.
+    /// Whether the samples have a force; the force of an array's touches is then left out.
     has_force: bool,
 }
 

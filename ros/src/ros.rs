@@ -143,12 +143,12 @@ fn unreached(error: impl Display) -> Failure {
 pub struct Log(NodeLoggingHandle);
 
 impl Log {
-    /// What goes well.
+    /// Logs what goes well.
     pub fn info(&self, line: &str) {
         self.say(LogLevel::Info, line);
     }
 
-    /// What does not.
+    /// Logs what does not.
     pub fn warn(&self, line: &str) {
         self.say(LogLevel::Warn, line);
     }

@@ -41,7 +41,7 @@ impl RosArguments {
         match word {
             START => {}
             "-r" | "--remap" => self.remap(&words.next().unwrap_or_default())?,
-            // Of the client libraries in C; this program has one level.
+            // Settings of the client libraries in C, which this program does not use.
             "--log-level" | "--log-config-file" => drop(words.next()),
             _ if word.starts_with("--enable-") || word.starts_with("--disable-") => {}
             "-p" | "--param" | "--params-file" => {

@@ -21,11 +21,11 @@ const THERMAL_PERIODS: u32 = 62;
 /// Levels of the bridge's PWM: half of 16 us at 200 MHz.
 const FULL_LEVEL: f32 = 1_600.0;
 /// Ratio of the driver's trip level, 12.7 A, to the limit of the regulated current. An overshoot of
-/// 2 %, 2 % of the measurement with its non-linearity and offset, and a wide code add up to less;
-/// in a hundred thousand sequences two reached 12.62 A.
+/// 2 %, a measurement that is 2 % off, and the widest code of its converter add up to less; in a
+/// hundred thousand sequences two reached 12.62 A.
 const CURRENT_MARGIN: f64 = 1.06;
-/// Greatest current in a dead short that the hardware limit allows, A: above its 15 A, 1.5 us of
-/// the greatest supply, 16 V, at 1 uH add 24 A. The factor 1.5 is for a shorter pulse, which the
+/// Greatest current in a dead short that the hardware limit allows, A: on top of its 15 A, 1.5 us
+/// of the greatest supply, 16 V, at 1 uH add 24 A. The factor 1.5 is for a shorter pulse, which the
 /// limit does not detect at all, with another one after it before the next sample.
 const PEAK_A: f64 = 15.0 + 1.5 * 24.0;
 /// Periods in which the driver detects that a fault of the circuit has ended.
@@ -481,8 +481,8 @@ impl GuardSequence {
             return;
         };
         if !sound || !self.measured {
-            // Current through a short, or beyond the measurement, heats something else or is
-            // unmeasured: a prediction is impossible. The guards above bound such currents.
+            // A current through a short heats something else, and one beyond the measurement is
+            // unknown: no prediction is possible. The guards above bound such currents.
             self.measured = false;
             return;
         }

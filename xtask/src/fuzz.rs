@@ -69,7 +69,6 @@ pub(crate) fn check_lock_file(workspace: &Workspace) -> Result<String> {
         })
 }
 
-/// Runs one target for some seconds.
 fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<FuzzOutcome> {
     let found = format!("{FOLDER}/found/{target}");
     fs::create_dir_all(workspace.root().join(&found))

@@ -309,7 +309,6 @@ fn packaging() -> Step {
     }
 }
 
-/// One cargo command as an action.
 fn commands(arguments: &[&str]) -> Action {
     Action::Commands(vec![Invocation::cargo(arguments)])
 }

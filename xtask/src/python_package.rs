@@ -30,7 +30,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let cargo = |words: &str| workspace.run(&command("cargo", words, &[]));
     let module = |words: &str, rest: &[&str]| command(&python, &format!("-m {words}"), rest);
     cargo("fmt --manifest-path python/Cargo.toml --check")?;
-    // Lints in the profile of the wheel: both share what runs during the build.
+    // Lints in the profile of the wheel: both then share build scripts and macros.
     cargo("clippy --locked --release --manifest-path python/Cargo.toml -- -D warnings")?;
     // The repository's rules, for the dependencies of this workspace.
     let rules = "--manifest-path python/Cargo.toml --config deny.toml";

@@ -1,8 +1,8 @@
 //! `cargo campaign budget`: each part of the claimed uncertainty against the error that it stands for.
 //!
-//! Every load is pressed three times on the same sensor, in the same world: with all disturbances;
-//! without vibration and noise; and without these, at the bench's temperature. The difference of
-//! two presses is the error of one cause; the error of the third is that of the calibration.
+//! Every load is pressed three times on the same sensor, in the same world: first with all disturbances,
+//! then without vibration and noise, and last at the bench's temperature as well. The difference of two
+//! such presses is the error of one cause; the error of the last one is that of the calibration.
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -42,7 +42,7 @@ const PIN_DEPTH: f64 = 0.15;
 const BALL_CONTACT: f64 = 0.3;
 /// Thickness of a layer over the radius of the contact on a thick object.
 const LAYER: [(Tip, f64); 2] = [(Tip::Pin, 2.0), (Tip::Ball, 4.0)];
-/// Stated standard uncertainties: of radius, thickness and stand relative, of Poisson's ratio absolute.
+/// Stated standard uncertainties: relative for radius, thickness and stand, absolute for Poisson's ratio.
 const RADIUS: f64 = 0.01;
 const THICKNESS: f64 = 0.02;
 const SUPPORT: f64 = 0.05;
@@ -66,7 +66,7 @@ pub(crate) struct Arguments {
 enum Errors {
     /// Drawn from the stated uncertainties.
     Drawn,
-    /// None, and none stated.
+    /// No errors, and no stated uncertainties.
     None,
 }
 
@@ -155,7 +155,6 @@ fn of_sensor(
     Ok(rows)
 }
 
-/// Presses one object.
 fn of_object(
     instrument: &CalibratedInstrument,
     plan: &ObjectPlan,
@@ -360,7 +359,7 @@ fn cells(kind: &str, young_pa: f64, rows: &[&Row]) -> [String; 8] {
 mod tests {
     use super::*;
 
-    /// Without disturbances and errors of the declaration those of the calibration are left.
+    /// Without disturbances and without errors of the declaration, only errors of the calibration are left.
     #[test]
     fn the_modulus_of_an_undisturbed_press_is_the_true_one() {
         let stack = Stack::builtin("ultrasoft").unwrap();

@@ -55,7 +55,7 @@ const fn one(name: &'static str, taus_s: &'static [f64]) -> Law {
     Law { name, taus_s }
 }
 
-/// Standard linear solids, and two spectra: of all decades, and of those of a train.
+/// Standard linear solids, and two spectra: over many decades, and over those of a train.
 const LAWS: [Law; 11] = [
     one("0.02 s", &[0.02]),
     one("0.05 s", &[0.05]),
@@ -251,7 +251,7 @@ fn is_over(frames: &[Frame<Record>]) -> bool {
 /// Truth of a press.
 #[derive(Clone, Debug, Default)]
 struct Truth {
-    /// Compression of the load with its stand over the force, m/N, with its time, s.
+    /// Times, s, each with the compression of load and stand over the force, m/N.
     compliances: Vec<(f64, f64)>,
     /// Stiffness at the train's rate.
     n_per_m: f64,
@@ -585,7 +585,7 @@ mod tests {
                 }
             }
         }
-        // The frequency counts: the instant spring is 28 % stiffer at 20 ms.
+        // A train of this rate does not see the instant spring at 20 ms, which is 28 % stiffer.
         let (seen, _) = seen_by_a_train("0.02 s", 0.5, 1.0);
         let (instant, _) = seen_by_a_train("0.02 s", 0.0, 1.0);
         assert!(instant / seen > 1.2, "{seen} {instant}");

@@ -22,9 +22,9 @@ const LAYER: Layer = Layer {
     shear_modulus_pa: 20e3,
     poisson: 0.5,
 };
-/// Noise of a reading at these rates, as relative change of inductance. A conversion of 0.8 ms counts
-/// whole periods of 40 MHz, 3e-5 of it; twice that in inductance, over the root of 12 and times the root
-/// of 2 for both ends, is 2.5e-5.
+/// Noise of a reading at these rates, as relative change of inductance. A period of 40 MHz is 3e-5 of a
+/// conversion of 0.8 ms. Rounding to whole periods at both ends makes 1/√6 of that in the frequency, and
+/// twice as much, 2.5e-5, in the inductance.
 const NOISE: f64 = 3e-5;
 /// The test's press: from 1.2 s on, for two seconds, 1 mm to either side of a place.
 const BEGIN_S: f64 = 1.2;

@@ -433,7 +433,6 @@ fn perform(
 mod tests {
     use super::*;
 
-    /// Runs a script as a campaign.
     fn perform_script(script: &str) -> Result<Record> {
         let workspace = Workspace::find(None).unwrap();
         let origin = Origin {

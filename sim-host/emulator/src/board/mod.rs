@@ -277,7 +277,7 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    /// The reason to stop, if there is one; apart from a step, which would pass it on by copying.
+    /// The reason to stop, if there is one. A step that returned it would copy it each time.
     #[inline]
     fn goes_on(&self) -> Result<(), Stop> {
         if let Some(stop) = self.bus.stop {

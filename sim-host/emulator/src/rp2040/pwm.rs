@@ -229,7 +229,7 @@ impl Wave {
 
     pub(crate) fn is_high(&self, output: usize, now_ps: u64) -> bool {
         let [falls, rises] = self.edges(output);
-        // Later by a thousandth of a step: an edge at this very time has already happened.
+        // A thousandth of a step is added, so that an edge at this very time counts as past.
         let position = self.position_at(now_ps) + 1e-3;
         falls > 0.0 && (position < falls || position >= rises) || falls >= self.up
     }

@@ -51,7 +51,7 @@ pub(super) struct BenchInformation<'p> {
 /// Readings of a train, with their derivatives in every shared unknown and in the press's position.
 pub(super) struct Differentiated {
     pub(super) readings: Vec<Reading>,
-    /// Derivatives in the unknowns of the sensor, and for a bench spring in its error.
+    /// Derivatives in the unknowns of the sensor and, on a bench spring, in the error of that spring.
     pub(super) shared: Vec<(usize, Vec<(f64, f64)>)>,
     pub(super) place: Vec<(f64, f64)>,
 }

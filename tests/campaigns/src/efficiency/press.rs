@@ -80,8 +80,8 @@ impl BenchInformation<'_> {
         information.variance(&of_load)
     }
 
-    /// Derivatives of a press whose springs and stiffening differ from the bench's by the
-    /// uncertainty of the temperature coefficients, as separate unknowns.
+    /// Derivatives in two more unknowns of a press: its springs and its stiffening may differ from
+    /// the bench's by the uncertainty of the temperature coefficients.
     fn separated(&self, of: &Differentiated) -> Differentiated {
         let away_k = self.plant.thermal.ambient_change_k;
         let deviation = |name: &str| {

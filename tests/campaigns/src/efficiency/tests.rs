@@ -134,7 +134,7 @@ fn no_bound_is_above_what_presses_come_to() {
             unknowns: &unknowns,
             plant: draw(&stack, &disturbances, seed),
         };
-        // A supply that cannot drive the peak current ends a calibration.
+        // A sensor whose supply cannot drive the peak current has no calibration and no presses.
         presses.extend(sensor.presses().unwrap_or_default());
     }
     for ratio in LOADS {

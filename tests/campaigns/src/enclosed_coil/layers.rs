@@ -9,10 +9,10 @@ use palpate_sim::sensing_coil::layers::{both_sides, one_side, slab};
 /// Permeability of free space, H/m.
 const MU_0: f64 = 4e-7 * PI;
 
-/// Greatest wave number, 1/m: exp(−2 · 9) at the least gap, 0.1 mm.
+/// Greatest wave number, 1/m: there the field at the least gap, 0.1 mm, is down to exp(−2 · 9).
 const LAST_PER_M: f64 = 9.0 / 0.1e-3;
 
-/// Distance of the copper of two neighbouring coils, m (guess; as in `palpate_sim::touch`).
+/// Distance between the copper of two neighbouring coils, m (guess; as in `palpate_sim::touch`).
 const APART_M: f64 = 0.2e-3;
 
 /// A slab of MSE on one side of the coil.
@@ -38,7 +38,7 @@ pub(super) struct Boundary {
     pub(super) density: Vec<f64>,
 }
 
-/// What an inductance depends on, to first order.
+/// Changes of an inductance by small displacements of boundaries and turns.
 pub(super) struct Sensitivity {
     /// Radii with the weights of their rings, m and m².
     pub(super) rings: Vec<(f64, f64)>,
@@ -62,7 +62,7 @@ impl Winding {
         let wave = |index: u32| {
             let k = step_per_m * (f64::from(index) + 0.5);
             let turns: f64 = design.radii_m().map(|a_m| a_m * libm::j1(k * a_m)).sum();
-            // Current over tracks of half a pitch, not in filaments.
+            // The current is spread over tracks of half a pitch.
             let phase = k * half_track_m;
             let track = phase.sin() / phase;
             [k, turns * track, track, step_per_m]
@@ -160,9 +160,9 @@ impl Winding {
 
 /// Amplitudes of the field of one wave number.
 struct Amplitudes {
-    /// Along and across each boundary, on its side in air.
+    /// Components along and across each boundary, on its side in air.
     boundaries: Vec<[f64; 2]>,
-    /// Of the waves that return to the turns.
+    /// Waves that return to the turns.
     from_above: f64,
     from_below: f64,
 }
@@ -182,7 +182,7 @@ impl Layers {
         both_sides(above, below)
     }
 
-    /// Heights of the boundaries, m, and whether MSE comes closer (1) or goes (−1) as one moves down.
+    /// Heights of the boundaries, m, each with 1 if its downward motion adds MSE, −1 if it removes MSE.
     fn heights_m(&self) -> Vec<(f64, f64)> {
         let above = self
             .above

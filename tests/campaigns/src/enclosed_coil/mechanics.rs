@@ -1,9 +1,9 @@
 //! Displacement inside an incompressible layer that is bonded to a rigid base, under a round contact.
 //!
-//! Of one wave number k the displacement is w = b (x cosh x − sinh x) + d x sinh x with x = kz above the
-//! base, where w and w' vanish; no shear at the surface gives b/d, and the surface's compliance the scale
-//! (Johnson, "Contact mechanics", 1985, section 5.8). The pressure is Hertz's, p = 3F (sin q − q cos q)/q³
-//! with q = ka.
+//! At the wave number k the displacement is w = b (x cosh x − sinh x) + d x sinh x with x = kz above the
+//! base, where w and w' vanish; b/d follows from a surface without shear, the scale from the surface's
+//! compliance (Johnson, "Contact mechanics", 1985, section 5.8). The pressure is Hertz's, p = 3F (sin q −
+//! q cos q)/q³ with q = ka.
 
 use std::f64::consts::TAU;
 
@@ -52,7 +52,7 @@ impl Pressed {
 
 /// Displacement at x = kz relative to that of the surface at α = kh.
 fn share(x: f64, alpha: f64) -> f64 {
-    // Everything relative to e^α, so that nothing overflows.
+    // Divided by e^α, so that nothing overflows.
     let wave = |x: f64| {
         let (up, down) = (0.5 * (x - alpha).exp(), 0.5 * (-x - alpha).exp());
         (up + down, up - down)

@@ -58,7 +58,7 @@ const LOSS_TANGENT: f64 = 0.01;
 /// in height alone.
 const GROWTH_PER_K: f64 = 0.9e-3;
 
-/// Growth of ln μ with that of ln φ, the volume share of iron: Lichtenecker's rule, ln μ at 3.7 (guess).
+/// d ln μ / d ln φ, with φ the volume share of iron, by Lichtenecker's rule: ln μ at 3.7 (guess).
 const DILUTION: f64 = 1.308;
 
 /// A way to build the sensor.
@@ -69,7 +69,7 @@ struct Build {
     thickness_m: f64,
     coil_m: f64,
     layers: Layers,
-    /// Whether the elastomer below the turns, and the turns, move; otherwise they lie on the base.
+    /// Whether the turns move, with the elastomer below them; otherwise they lie on the base.
     moves: bool,
 }
 
@@ -127,7 +127,7 @@ const BUILDS: [Build; 6] = [
         layers: layers(slab(1.5e-3, 1e-3), slab(1.5e-3, 1e-3)),
         moves: true,
     },
-    // A stiff foil: its upper half alone is pressed.
+    // The foil is stiff: only the half above it is pressed.
     Build {
         name: "the same, on a rigid board",
         colour: GREY,
@@ -138,7 +138,7 @@ const BUILDS: [Build; 6] = [
     },
 ];
 
-/// The first and the fifth build with another share of plain silicone in their 5 mm.
+/// The first and the fifth build, by the thickness of plain silicone in their 5 mm.
 type Split = (&'static str, fn(f64) -> Build);
 const SPLITS: [Split; 2] = [
     ("Surface", |plain_m| {
@@ -170,13 +170,13 @@ struct Judged {
     bending: f64,
     /// Readings per force against the distance of the press, m and 1/N.
     profile: Vec<(f64, f64)>,
-    /// Relative changes of the inductance per kelvin: growth of the layer, dilution of the iron.
+    /// Relative changes of the inductance per kelvin: by growth of the layer, by dilution of the iron.
     per_k: [f64; 2],
     /// Coupling with a coil 6 mm away.
     coupling: f64,
 }
 
-/// Runs it, prints the table and draws the figure.
+/// Runs the campaign, prints the table and draws the figure.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = Winding::new(COIL);
     let results: Vec<Judged> = BUILDS.iter().map(|build| judged(build, &winding)).collect();
@@ -260,7 +260,7 @@ fn resistance_ohm() -> f64 {
 }
 
 impl Build {
-    /// The layers with all heights of moving elastomer less by a share.
+    /// The layers, with moving elastomer compressed evenly by this share.
     fn squeezed(&self, share: f64) -> Layers {
         let squeezed = |slab: Slab| Slab {
             gap_m: FOIL_M + (1.0 - share) * (slab.gap_m - FOIL_M),
@@ -277,7 +277,7 @@ impl Build {
         }
     }
 
-    /// Height above the base at the height above the turns, m; none where nothing moves.
+    /// Height above the base, m, of a height above the turns; `None` where nothing moves.
     fn above_base_m(&self, height_m: f64) -> Option<f64> {
         let above_base_m = self.coil_m + height_m;
         (above_base_m > 0.0).then_some(above_base_m.min(self.thickness_m))
@@ -357,8 +357,8 @@ fn interpolated(table: &[f64], position: f64) -> f64 {
     }
 }
 
-/// Loss of inductance of a coil that follows the elastomer, relative to its reading of a press 0.1 mm deep
-/// above its centre: that of a coil bent to the mean square of the two curvatures over its area.
+/// Loss of inductance by the bending of a coil that follows the elastomer, relative to its reading of a
+/// press 0.1 mm deep above its centre. The bend is the mean over its area of the squares of both curvatures.
 fn bending(build: &Build, pressed: &Pressed, per_n: f64) -> f64 {
     if !build.moves {
         return 0.0;

@@ -50,7 +50,8 @@ fn raise(worst: &mut [f64; 3], values: [f64; 3]) {
     }
 }
 
-/// Runs every corner; returns the worst delay of a step beyond what is possible, s, overshoot and bend of a ramp.
+/// Runs every corner; returns the worst delay of a step beyond the least possible, s, overshoot, and
+/// bend of a ramp.
 fn corners() -> [f64; 3] {
     let mut worst = [0.0; 3];
     println!("## Resistance, inductance and supply\n");

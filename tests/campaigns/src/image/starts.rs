@@ -60,7 +60,7 @@ fn changed(
     let edges = bench.board.chip().interrupts();
     bench.run(length(rate_hz));
     let first = bench.samples().find(|(_, it)| it.channels.len() == count);
-    // Uses the time in the sample, which was sent as soon as it was made.
+    // The time in the sample serves, since a sample is sent as soon as it is made.
     let origin_us = begin.as_secs_f64() * 1e6;
     if let (Some((time_us, _)), true) = (first, edges > 0) {
         let took_us = (time_us as f64 - origin_us).max(0.0);

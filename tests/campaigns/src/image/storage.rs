@@ -114,7 +114,7 @@ fn erasures(tally: &mut Tally) {
     tally.add("`erase`, at each operation", cases, before, after, broken);
 }
 
-/// Cuts the power, or sends `load`, after each command of another calibration.
+/// Cuts the power, or sends `load`, after each command of a new calibration, before it is saved.
 fn abandoned(tally: &mut Tally) {
     let mut bench = streaming_with(FlashTimes::Typical, 1);
     let old = configuration(1, Amount::Full);

@@ -26,7 +26,7 @@ pub(super) type Outcome = Result<Judged, String>;
 
 /// Quantiles of 95 % of place, force and radius: chi-square with two degrees of freedom and one.
 const COVERED: [f64; 3] = [5.991, 3.841, 3.841];
-/// Those of four sigmas of a normal number, one in 15,800.
+/// The same for four sigmas of a normal number, one in 15,800.
 const FAR: [f64; 3] = [19.33, 16.0, 16.0];
 
 // The limits, set before the run on the seeds from 1600001. The definition of the efficiency was changed
@@ -41,7 +41,7 @@ const FROM_M: f64 = 2e-3;
 const COVERAGE: [f64; 2] = [0.93, 0.97];
 /// Greatest share of the presses with an error beyond four of its sigmas.
 const BEYOND: f64 = 1e-3;
-/// Least inverse of the mean square of errors over the root of their bound.
+/// Least efficiency: the inverse of the mean square of the errors, each over the root of its bound.
 const EFFICIENCY: f64 = 0.8;
 
 impl Judged {

@@ -45,7 +45,7 @@ pub(super) struct Manner {
     pub(super) slower: f64,
     /// Traction along the surface over the pressure.
     pub(super) drag: [f64; 2],
-    /// In place of the tip that is declared.
+    /// Tip that presses in place of the declared one.
     pub(super) instead: Option<Indenter>,
 }
 
@@ -72,7 +72,7 @@ impl<'a> Rig<'a> {
         Self {
             bench,
             chance: Stream::named(bench.sensor.parameters().seed, "campaign.touch"),
-            // Other runs than those of the bench.
+            // Numbers of runs that the bench does not use.
             runs: 1_000_000,
         }
     }

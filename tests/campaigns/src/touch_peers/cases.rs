@@ -201,8 +201,8 @@ impl Case {
         case["poisson"] = json!(self.poisson);
         case["thickness_m"] = json!(self.thickness_m);
         case["depth_m"] = json!(self.depth_m);
-        // A layer repeats: eight thicknesses beyond the contact nothing moves. Of a half-space only the
-        // contact is computed.
+        // The peer's grid repeats, so it extends eight thicknesses beyond the contact, where nothing moves.
+        // Of a half-space only the contact is computed.
         let (side_m, cells) = match self.thickness_m {
             Some(thickness_m) => (8.0 * thickness_m + 4.0 * self.reach_m(), [400, 800]),
             None => (5e-3, [200, 400]),

@@ -479,8 +479,8 @@ impl<P: Plant> CoreBus for SystemBus<P> {
         if Memory::contains(addr) {
             self.charge_access(addr);
             let read = self.memory.half_word(addr);
-            // The core would forget all decoded instructions at every ISB, and DSB takes as long.
-            // The board forgets them where code may have changed.
+            // An ISB would make the core forget all decoded instructions, so it gets a DSB, which
+            // takes as long. The board forgets them where code may have changed.
             let is_isb =
                 addr == self.pc.wrapping_add(2) && [self.memory.half_word(self.pc), read] == ISB;
             return if is_isb { DSB[1] } else { read };

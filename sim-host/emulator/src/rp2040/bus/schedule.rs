@@ -187,7 +187,7 @@ mod tests {
     fn a_clock_above_133_megahertz_needs_a_settled_core_voltage() {
         let settled = Time::from_us(1_001);
         assert_eq!(switched(0xC, settled, 100), None);
-        // 132 MHz, at 1.10 V and without a wait.
+        // 132 MHz needs neither a voltage above 1.10 V nor a wait.
         assert_eq!(switched(0xB, Time::ZERO, 66), None);
         for (voltage, settling) in [(0xB, settled), (0xC, Time::from_us(999))] {
             let stop = switched(voltage, settling, 100);
