@@ -27,7 +27,7 @@ unsafe impl Sync for RecordCell {}
 static KEPT: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn read() -> RecordWords {
-    // SAFETY: every pattern of bits is a record's words; the pointer is to a static.
+    // SAFETY: any bits are valid words of a record; the pointer is to a static.
     unsafe { KEPT.0.get().cast::<RecordWords>().read_volatile() }
 }
 

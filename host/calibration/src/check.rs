@@ -502,7 +502,7 @@ mod tests {
         let before = signal_of(&calibration(0.01), CALIBRATED_AT_C + 10.0);
         assert!((before / (0.03_f64.hypot(0.01) / (1.0 + RISE)) - 1.0).abs() < 0.01);
         assert!(signal_of(&checked.commands, CALIBRATED_AT_C + 10.0) < before);
-        // On a spring of c_S, at W of 3.1: 1 % and 3 % by the rise, 2 % by the springs.
+        // On a spring of c_S the stiffening causes 1 % and 3 %, enlarged by W = 3.1; the springs cause 2 %.
         let [_, at_like, _] = checked.uncertainty_before;
         let whole = 2.0 + RATIO;
         let expected = (before * whole).hypot(0.005).hypot(0.003_f64.hypot(0.02));

@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn an_ellipse_has_the_axes_of_its_covariance() {
-        // Turned by 30 degrees, sigmas of 3 and 1 um along its axes.
+        // An ellipse turned by 30 degrees, with sigmas of 3 and 1 um along its axes.
         let (sin, cos) = 30_f64.to_radians().sin_cos();
         let [xx, yy, xy] = [
             9.0 * cos * cos + sin * sin,

@@ -15,7 +15,7 @@ pub const MOST_CREEP: f32 = 0.3;
 /// time t, the fraction exp(-t/tau) of that remains. For any tau the product is below T/(T + e t).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Recovery {
-    /// Bound at the release, m.
+    /// Bound at the release of the touch, m.
     most: f32,
     /// T, duration of the touch, s.
     touched: f32,

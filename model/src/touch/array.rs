@@ -26,20 +26,20 @@ pub struct Coil {
 /// calibration, by its residuals and the covariance of its coefficients.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReadingError {
-    /// Relative to the coil's own reading.
+    /// Part relative to the coil's own reading.
     pub relative: f32,
-    /// Relative to the largest reading of the scan.
+    /// Part relative to the largest reading of the scan.
     pub of_largest: f32,
 }
 
 /// Standard uncertainty that is common to all coils, and so adds to the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommonError {
-    /// Of x and of y.
+    /// Uncertainty of x and of y.
     pub place: Metre,
-    /// Of ln F: scale of the force.
+    /// Uncertainty of ln F, from the scale of the force.
     pub ln_force: f32,
-    /// Of ln a: scale of the radius.
+    /// Uncertainty of ln a, from the scale of the radius.
     pub ln_radius: f32,
 }
 

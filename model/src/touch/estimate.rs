@@ -135,7 +135,7 @@ struct Normal {
     chi_square: f32,
     /// Part of the cost that the indenter causes.
     of_indenter: f32,
-    /// Lower triangle.
+    /// Lower triangle of the information.
     information: Matrix,
     gradient: Vector,
     informative: u8,
@@ -263,7 +263,7 @@ impl Array {
     }
 }
 
-/// Where the fit of the scan before ended.
+/// End of the fit of the previous scan.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Track(Option<Point>);
 
@@ -272,9 +272,9 @@ struct Point {
     state: State,
     /// Mean change of the state from one claimed scan to the next.
     motion: Vector,
-    /// Part of a step to go next.
+    /// Part of a step to take next.
     length: f32,
-    /// Scans since one was claimed.
+    /// Number of scans since the last claimed one.
     scans: u8,
 }
 

@@ -34,9 +34,9 @@ pub struct Coefficients {
     pub greatest_radius: Metre,
     /// Relative change of inductance per newton, in the middle of the radii.
     pub base: [f32; BASE],
-    /// Change with s, 1/N.
+    /// Change of `base` with s, 1/N.
     pub linear: [f32; BY_RADIUS],
-    /// Change with s^2, 1/N.
+    /// Change of `base` with s^2, 1/N.
     pub quadratic: [f32; BY_RADIUS],
     /// Psi in the middle of the radii, its change with s, and with s^2, 1/N^2.
     pub bent: [[f32; BENT]; 3],

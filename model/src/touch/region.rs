@@ -16,7 +16,7 @@ pub enum Region {
     },
     /// The convex hull of the coils' centres, moved outwards by a margin.
     Hull {
-        /// Distance, below zero inwards.
+        /// Distance by which the hull grows; below zero it shrinks.
         margin: Metre,
     },
 }

@@ -15,7 +15,7 @@ pub struct Contact {
     pub tilt_rad: f64,
 }
 
-/// What place and tilt change on a sensor.
+/// Effects of place and tilt of a press on a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactParameters {
     /// q, relative loss of the stiffening per square of the distance, 1/m², ±10⁵; below zero where

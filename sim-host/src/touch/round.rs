@@ -74,7 +74,7 @@ pub(super) struct RoundContact {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     t_m: f64,
-    /// Weight of the rule, m.
+    /// Weight of the node in the quadrature, m.
     weight_m: f64,
     chi_pa: f64,
 }

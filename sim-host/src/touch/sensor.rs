@@ -568,7 +568,7 @@ mod tests {
                 "{index}"
             );
         }
-        // A press beside a coil alone reads as one as far beside that coil at another place.
+        // A coil alone reads the same when coil and press are moved together.
         layout.coils.truncate(1);
         let beside = changes_h(&ideal(&layout), &table, &at([1e-3, 2e-3], 0.4e-3));
         layout.coils[0].centre_m = [6e-3, 0.0];

@@ -134,7 +134,7 @@ fn what_is_below_rest_or_flagged_is_no_touch_and_slow_drift_is_rest() {
     });
     let flagged: Touch = rig.last();
     assert_eq!(flagged.verdict, TouchVerdict::NotReadable);
-    // Twenty thresholds in 40 s.
+    // The drift is twenty thresholds in 40 s.
     for scan in 0..10_000 {
         let drift = touch(&mut rig, [1e-7 * f64::from(scan); 4]);
         assert_eq!(drift.verdict, TouchVerdict::Clear, "{scan}");
@@ -231,7 +231,7 @@ impl Both {
 
 #[test]
 fn stiffness_is_refused_off_the_centre_by_more_than_the_stated_tolerance() {
-    // Within 1 mm.
+    // The tolerance is 1 mm.
     let mut both = Both::armed(Some(contact(4e-3, 2e-6)));
     assert_eq!(both.measured([0.5e-3, -0.6e-3]), (vec![], 1));
     for (place, distance_m) in [([1.2e-3, 0.9e-3], 1.5e-3), ([-5e-3, 0.0], 5e-3)] {
@@ -249,7 +249,7 @@ fn stiffness_is_refused_off_the_centre_by_more_than_the_stated_tolerance() {
     // That press and its place are over. The readings of the next press give no place.
     let [most, ..] = pressed(0.0, 0.0, 0.8);
     assert_eq!(both.measured_by([most; 4]), (vec![], 1));
-    // A press in the centre afterwards.
+    // The next press is in the centre.
     assert_eq!(both.measured([0.0, 0.2e-3]), (vec![], 1));
     let mut without = Both::armed(None);
     assert_eq!(without.measured([1.2e-3, 0.9e-3]), (vec![], 1));

@@ -14,9 +14,9 @@ use crate::Unusable;
 /// Standard uncertainty of a predicted reading, independent from coil to coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReadingError {
-    /// Relative to the coil's own reading.
+    /// Part relative to the coil's own reading.
     pub relative: f64,
-    /// Relative to the largest reading of the scan.
+    /// Part relative to the largest reading of the scan.
     pub of_largest: f64,
 }
 

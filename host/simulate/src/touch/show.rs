@@ -130,7 +130,7 @@ pub(super) fn map(touched: &Touched<'_>, array: &Array) -> TouchMap {
         ),
         array: array.clone(),
         truth_m: match touched.path.indenter {
-            // Of two contacts.
+            // The true centres of both contacts.
             Indenter::TwoBalls {
                 apart_m,
                 toward_rad,

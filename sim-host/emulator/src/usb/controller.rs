@@ -118,7 +118,7 @@ pub(crate) struct UsbController {
     line: LineState,
     suspended: bool,
     connected: bool,
-    /// Time since when the bus is idle.
+    /// Time from which on the bus has been idle.
     idle_ps: u64,
     /// End of the last bus reset, until CONNECTED is set.
     connecting_ps: Option<u64>,

@@ -101,7 +101,7 @@ impl<'a> Rig<'a> {
             let tip = if self.chance.uniform() < 0.5 {
                 Tip::Pin(radius_m / PIN)
             } else {
-                // On a half-space.
+                // The radius that gives this contact on a half-space.
                 Tip::Ball(radius_m * radius_m / depth_m)
             };
             if matches!(tip, Tip::Ball(of_m) if !(BALLS_M[0]..BALLS_M[1]).contains(&of_m)) {

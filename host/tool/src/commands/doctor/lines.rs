@@ -86,7 +86,7 @@ fn coil(measured: &Measured, promise: &Promise) -> Vec<Line> {
         Some(Err(reason)) => Some(reason.clone()),
         _ => None,
     };
-    // A test that failed is a defect of the coil's circuit, and no missing measurement.
+    // A failed test is a defect of the coil's circuit, not a missing measurement.
     let action = |action: &str| missing.clone().unwrap_or_else(|| action.to_owned());
     let lost = test.map_or(0.0, |test| f64::from(test.lost));
     let mut lines = Vec::new();
