@@ -10,8 +10,8 @@ use crate::stack::Disturbances;
 use crate::stack::document::FileError;
 use crate::stack::quantity::Quantity;
 
-/// Place of a coil, m, along x and y: layers of a board lie within 0.1 mm of each other (IPC-2221,
-/// class 2), and a stage finds the board within as much (guess).
+/// Place of a coil, m, along x and y: layers of a board lie within 0.1 mm of each other (IPC-2221, class
+/// 2), and a stage finds the board to 0.1 mm (guess).
 pub const PLACE_M: Quantity = Quantity::Uniform {
     min: -0.15e-3,
     max: 0.15e-3,

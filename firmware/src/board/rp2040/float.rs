@@ -7,8 +7,8 @@
 /// 5.1.2). Numbers are passed as bits in integer registers.
 macro_rules! routines {
     ($($name:ident($($argument:ident: $type:ty),*) = $routine:expr;)*) => {$(
-        // SAFETY: name, arguments and result are those of the ABI, and nothing else has the name
-        // but the compiler's own routine, which is weak.
+        // SAFETY: name, arguments and result are those of the ABI, and the only other symbol of
+        // this name is the compiler's own routine, which is weak.
         #[unsafe(no_mangle)]
         extern "aapcs" fn $name($($argument: $type),*) -> u32 {
             $routine($($argument),*)

@@ -79,8 +79,8 @@ const FORCE: Allowed = Allowed::new(1e-4, 100.0, "N");
 const SECONDS: Allowed = Allowed::new(0.05, 60.0, "s");
 const DRAG: Allowed = Allowed::new(-1.0, 1.0, "1");
 
-/// Time of the way down and up, and before and after, s. The instrument learns the untouched sensor for
-/// half a second.
+/// Times before the press, for the way down, for the way up, and afterwards, s. The instrument learns
+/// the untouched sensor for half a second.
 const UNTOUCHED_S: f64 = 0.6;
 const DOWN_S: f64 = 0.3;
 const UP_S: f64 = 0.2;

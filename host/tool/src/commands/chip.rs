@@ -112,8 +112,8 @@ const RECOVERIES: u32 = 50;
 /// Time after which the bus master gives up on a line that stays low: several times the duration of
 /// a transfer.
 const BUS_DEADLINE: Time = Time::from_ms(1);
-/// Number of frames after which one register is compared, if the bus has time: the two transfers
-/// take 48 bit times, and 20 us of the master.
+/// Number of frames after which one register is compared, if the bus has time. The two transfers
+/// take 48 bit times, and the master needs 20 us for them.
 const FRAMES_PER_CANARY: u32 = 8;
 const CANARY_BITS: u64 = 48;
 const CANARY_MASTER_NS: u64 = 20_000;
