@@ -1,7 +1,7 @@
 //! Phases of the running image.
 
 use std::ops::Range;
-use std::time::Instant;
+use std::time::Duration;
 
 use palpate_cli::failure::Failure;
 use palpate_emulator::{Image, Instrument, Options, Profile};
@@ -233,13 +233,14 @@ impl Watched<'_> {
         })
     }
 
-    /// Emulated seconds per second of this computer, on a copy of the board that no phase counts.
+    /// Emulated seconds per second of one core's processor time, on a copy of the board that no
+    /// phase counts. Other programs of this computer do not change it much.
     fn speed(&self) -> Result<f64, Failure> {
         let mut copy = self.board.clone();
         let end = copy.now() + WATCHED;
-        let begin = Instant::now();
+        let begin = processor_time()?;
         copy.run_until(end).map_err(Failure::refused)?;
-        Ok(WATCHED.as_secs_f64() / begin.elapsed().as_secs_f64())
+        Ok(WATCHED.as_secs_f64() / (processor_time()? - begin).as_secs_f64())
     }
 
     fn stack_bytes(&mut self) -> Result<u32, Failure> {
@@ -253,4 +254,14 @@ impl Watched<'_> {
             .next()
             .ok_or_else(|| Failure::Refused("the image did not report its status".to_owned()))
     }
+}
+
+/// Returns the time for which a processor has run this thread, as Linux counts it.
+fn processor_time() -> Result<Duration, Failure> {
+    const COUNTS: &str = "/proc/thread-self/schedstat";
+    let counts = std::fs::read_to_string(COUNTS).map_err(Failure::refused)?;
+    let nanoseconds = counts.split(' ').next().and_then(|count| count.parse().ok());
+    let nanoseconds = nanoseconds
+        .ok_or_else(|| Failure::Refused(format!("{COUNTS} begins with no number: `{counts}`")))?;
+    Ok(Duration::from_nanos(nanoseconds))
 }
