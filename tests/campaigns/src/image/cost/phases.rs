@@ -260,7 +260,10 @@ impl Watched<'_> {
 fn processor_time() -> Result<Duration, Failure> {
     const COUNTS: &str = "/proc/thread-self/schedstat";
     let counts = std::fs::read_to_string(COUNTS).map_err(Failure::refused)?;
-    let nanoseconds = counts.split(' ').next().and_then(|count| count.parse().ok());
+    let nanoseconds = counts
+        .split(' ')
+        .next()
+        .and_then(|count| count.parse().ok());
     let nanoseconds = nanoseconds
         .ok_or_else(|| Failure::Refused(format!("{COUNTS} begins with no number: `{counts}`")))?;
     Ok(Duration::from_nanos(nanoseconds))
