@@ -428,7 +428,7 @@ impl GuardSequence {
         if self.is_sound && learned && measures && state == DriveState::Driving {
             let current_a = self.loop_.circuit.current_a().abs();
             self.summary.greatest_a = self.summary.greatest_a.max(current_a);
-            let limit_a = CURRENT_MARGIN * f64::from(self.limits.current_a);
+            let limit_a = CURRENT_MARGIN * f64::from(self.limits.setpoint_a);
             if current_a > limit_a && begin_a.abs() > limit_a {
                 self.defect(format!("{current_a} A in a sound circuit"));
             }

@@ -59,7 +59,7 @@ mod app {
         reduced_limit_a: None,
     };
     const LIMITS: Limits = Limits {
-        current_a: 3.0,
+        setpoint_a: 3.0,
         trip_a: 4.0,
         duty: 0.98,
         on_time_s: 10.0,

@@ -22,7 +22,7 @@ const HARDWARE: Hardware = Hardware {
     reduced_limit_a: None,
 };
 const LIMITS: Limits = Limits {
-    current_a: 12.0,
+    setpoint_a: 12.0,
     trip_a: 12.7,
     duty: 0.98,
     on_time_s: 20.0,

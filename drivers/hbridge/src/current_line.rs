@@ -50,7 +50,7 @@ impl CurrentLine {
     /// Refuses currents and durations beyond the limits. NaN is refused too, since no range
     /// contains it.
     pub(crate) fn check(&self, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
-        let currents = -limits.current_a..=limits.current_a;
+        let currents = -limits.setpoint_a..=limits.setpoint_a;
         for current_a in [self.from_a, self.to_a] {
             if !currents.contains(&current_a) {
                 return Err(Refusal::Current(current_a));

@@ -103,7 +103,7 @@ pub struct CoilParameters {
     /// Inductance, H.
     pub inductance_h: f32,
     /// Fraction of a period that dead time takes from every pulse, 0 to 0.2.
-    pub lost: f32,
+    pub dead_time_share: f32,
 }
 
 impl CoilParameters {

@@ -9,9 +9,9 @@ use crate::hardware::Hardware;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Greatest setpoint of the current, A.
-    pub current_a: f32,
+    pub setpoint_a: f32,
     /// Measured current at which the bridge is switched off and stays off, A. It is higher than
-    /// `current_a` by at least ripple, overshoot and noise, and below the end of the measuring
+    /// `setpoint_a` by at least ripple, overshoot and noise, and below the end of the measuring
     /// range.
     pub trip_a: f32,
     /// Greatest fraction of a period for which a voltage is applied, 0 to 1: the bridge's upper
@@ -46,8 +46,8 @@ impl Limits {
             }
         };
         let rises = |[low, high]: [f32; 2]| low > 0.0 && high > low && high.is_finite();
-        is(self.current_a > 0.0, "current_a")?;
-        is(self.trip_a > self.current_a, "trip_a")?;
+        is(self.setpoint_a > 0.0, "setpoint_a")?;
+        is(self.trip_a > self.setpoint_a, "trip_a")?;
         // The trip level must be within the converter's range, wherever the reading without current
         // is within its tolerance.
         let upwards = hardware.greatest_count - hardware.zero_count;
@@ -73,7 +73,7 @@ impl Limits {
 /// Example for tests.
 #[cfg(test)]
 pub(crate) const EXAMPLE: Limits = Limits {
-    current_a: 10.0,
+    setpoint_a: 10.0,
     trip_a: 11.0,
     duty: 0.98,
     on_time_s: 20.0,

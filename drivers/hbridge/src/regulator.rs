@@ -85,7 +85,7 @@ impl Gains {
             kick,
             drop: (drop * 4096.0) as i32,
             pull: (pull * 1024.0) as i32,
-            lost: (coil.lost * full * 4096.0) as i32,
+            lost: (coil.dead_time_share * full * 4096.0) as i32,
             most: ((limits.duty * full) as i32) << LEVEL,
             reach,
         })

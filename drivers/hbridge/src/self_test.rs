@@ -313,7 +313,7 @@ pub(crate) fn evaluate(
     }
     let resistance_ohm = step_v / step_a;
     let foot_v = sums.low.0 as f32 / full * supply_v - low_a * resistance_ohm;
-    let lost = (foot_v / supply_v).clamp(0.0, 0.2);
+    let dead_time_share = (foot_v / supply_v).clamp(0.0, 0.2);
     // The mean of a period's samples is the current a quarter of a period after its start: the sum
     // of exp(-t/tau) at T/4, 5T/4, ... is tau/T + 1/4 + T/(96 tau) + ...
     let area = f32::from(AREA_PERIODS) * high_a - sums.area as f32 / rises * unit_a;
@@ -339,7 +339,7 @@ pub(crate) fn evaluate(
         coil: CoilParameters {
             resistance_ohm,
             inductance_h,
-            lost,
+            dead_time_share,
         },
         limited_to_a,
     };

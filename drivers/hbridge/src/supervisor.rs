@@ -77,11 +77,11 @@ impl Supervisor {
         let full = i32::from(hardware.full_level);
         let twice_zero = 2 * i32::from(hardware.zero_count);
         let drive = Drive::new(Fixed {
-            current: hardware.units(limits.current_a),
+            current: hardware.units(limits.setpoint_a),
             trip: hardware.units(limits.trip_a),
             bounds: Bounds {
                 margin: full / 24,
-                tracking: hardware.units(TRACKING_ERROR * limits.current_a),
+                tracking: hardware.units(TRACKING_ERROR * limits.setpoint_a),
                 on_periods: (limits.on_time_s / hardware.period_s) as u32,
             },
             reversed: hardware.ampere_per_count < 0.0,
@@ -111,8 +111,8 @@ impl Supervisor {
             lowest_v: None,
             setpoint: 0,
             reach: Reach {
-                currents: [0.5 * TARGET_A, limits.current_a].map(|of| hardware.units(of)),
-                tracking_error: hardware.units(TRACKING_ERROR * limits.current_a),
+                currents: [0.5 * TARGET_A, limits.setpoint_a].map(|of| hardware.units(of)),
+                tracking_error: hardware.units(TRACKING_ERROR * limits.setpoint_a),
                 top: (0.95 * limits.duty * f32::from(hardware.full_level)) as i32,
             },
         };
@@ -267,7 +267,7 @@ impl Supervisor {
             &self.account,
             Load {
                 resistance_ohm: self.resistance_ohm.unwrap_or(findings.coil.resistance_ohm),
-                lost_v: findings.coil.lost * supply_v,
+                lost_v: findings.coil.dead_time_share * supply_v,
             },
         );
         demand.starts_at(report.setpoint as f32 * self.hardware.ampere_per_unit());
@@ -503,7 +503,9 @@ impl Supervisor {
         let mean_a =
             report.units.wrapping_sub(units) as f32 / periods * self.hardware.ampere_per_unit();
         let level = report.levels.wrapping_sub(levels) as f32 / periods;
-        let lost = self.findings.map_or(0.0, |found| found.coil.lost);
+        let lost = self
+            .findings
+            .map_or(0.0, |found| found.coil.dead_time_share);
         if mean_a.abs() > 0.5 * TARGET_A {
             let share = level / f32::from(self.hardware.full_level);
             let share = if mean_a > 0.0 {
@@ -547,7 +549,7 @@ mod tests {
             coil: CoilParameters {
                 resistance_ohm: 0.4,
                 inductance_h: 40e-6,
-                lost: 0.05,
+                dead_time_share: 0.05,
             },
             limited_to_a: None,
         });

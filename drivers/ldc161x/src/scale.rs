@@ -98,11 +98,11 @@ impl Scale {
     /// assert_eq!(scale.frequency_hz(Code28::new(1 << 24).unwrap()), 4e6);
     /// ```
     pub fn frequency_hz(&self, code: Code28) -> f64 {
-        f64::from(self.whole(code)) * self.hz_per_lsb()
+        f64::from(self.with_offset(code)) * self.hz_per_lsb()
     }
 
     /// The code with OFFSETx added back; it may exceed 28 bits.
-    pub(crate) fn whole(&self, code: Code28) -> u32 {
+    pub(crate) fn with_offset(&self, code: Code28) -> u32 {
         code.get() + (u32::from(self.offset) << 12)
     }
 
@@ -147,7 +147,7 @@ impl Scale {
 
     /// The code as counted, before OFFSETx was subtracted; at most full scale.
     fn counted(&self, code: Code28) -> Code28 {
-        Code28::new(self.whole(code)).unwrap_or(Code28::OVER_RANGE)
+        Code28::new(self.with_offset(code)).unwrap_or(Code28::OVER_RANGE)
     }
 
     /// Relative standard uncertainty of one conversion, from quantisation, rounding of the word and

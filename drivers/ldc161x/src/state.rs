@@ -265,7 +265,7 @@ fn reading(
         Some(_) => Freshness::Repeated,
     };
     // Same formula as `Scale::frequency_hz`.
-    let frequency_hz = f64::from(scale.whole(word.code())) * unit_hz;
+    let frequency_hz = f64::from(scale.with_offset(word.code())) * unit_hz;
     Reading {
         channel,
         word,

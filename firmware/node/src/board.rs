@@ -104,7 +104,7 @@ const _: () = assert!(BRIDGE_DELAY_NS <= 1_020);
 /// the paper's coils, 3 A; 60 J in 20 s are 3 W, within it. Resistance and inductance are those of
 /// sensible coils, with a margin.
 pub const DRIVE_LIMITS: coil_hbridge::Limits = coil_hbridge::Limits {
-    current_a: 12.0,
+    setpoint_a: 12.0,
     trip_a: 12.7,
     duty: 0.98,
     on_time_s: 20.0,
@@ -118,7 +118,7 @@ pub const DRIVE_LIMITS: coil_hbridge::Limits = coil_hbridge::Limits {
 /// Limits that no setting, command or calibration exceeds: those of the [drive](DRIVE_LIMITS), the coil's
 /// maximum temperature, and the protocol's highest rate.
 pub const LIMITS: Limits = Limits {
-    current: Ampere(DRIVE_LIMITS.current_a),
+    current: Ampere(DRIVE_LIMITS.setpoint_a),
     energy_j: DRIVE_LIMITS.energy_j,
     on_time_s: DRIVE_LIMITS.on_time_s,
     temperature: Celsius(100.0),

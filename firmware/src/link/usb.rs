@@ -17,7 +17,7 @@ use crate::board::usb::{self, Bus, Sent};
 const VENDOR_AND_PRODUCT: UsbVidPid = UsbVidPid(0x1209, 0x0001);
 /// Upper limit of the current, in mA, that a Pico at 200 MHz with its converters takes from the cable;
 /// the coil has its own supply.
-const GREATEST_CURRENT_MA: usize = 100;
+const USB_CURRENT_MA: usize = 100;
 /// Size in bytes of the largest packet of a bulk endpoint at full speed (USB 2.0, 5.8.3).
 const PACKET: usize = 64;
 /// Bytes of records that can wait for the PC: a twentieth of a second of the fullest stream, more than
@@ -113,7 +113,7 @@ impl OnBus {
             .composite_with_iads()
             .strings(&[strings])
             .ok()?
-            .max_power(GREATEST_CURRENT_MA)
+            .max_power(USB_CURRENT_MA)
             .ok()?
             .max_packet_size_0(PACKET as u8)
             .ok()?

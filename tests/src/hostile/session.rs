@@ -17,7 +17,7 @@ use super::sensor::Sensor;
 /// Longest duration of a script; a fuzzer's scripts may be of any length.
 const LONGEST: Time = Time::from_ms(30_000);
 /// Ratio of the drive's trip level to the limit of the regulated current.
-const TRIP: f64 = DRIVE_LIMITS.trip_a as f64 / DRIVE_LIMITS.current_a as f64;
+const TRIP: f64 = DRIVE_LIMITS.trip_a as f64 / DRIVE_LIMITS.setpoint_a as f64;
 /// Largest current without a command, A: the offset of the measurement, and the residue of a test.
 const NONE_A: f64 = 0.2;
 /// Time in which the current decays after the bridge is turned off: ten time constants of 0.4 ms.
@@ -218,7 +218,7 @@ impl<'a> HostileSession<'a> {
         let current_a = truth.current_a.abs();
         let state = self.board.procedure().map(|of| (of.state(), of.is_armed()));
         self.summary.see(state, current_a, &truth);
-        if current_a > f64::from(DRIVE_LIMITS.current_a) * TRIP {
+        if current_a > f64::from(DRIVE_LIMITS.setpoint_a) * TRIP {
             return Err(format!("{current_a} A"));
         }
         let is_driven = current_a > NONE_A;

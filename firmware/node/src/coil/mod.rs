@@ -384,7 +384,7 @@ impl<H: CoilHardware> CoilManager<H> {
         self.found = Some(CoilTest {
             resistance_ohm: coil.resistance_ohm,
             inductance_h: coil.inductance_h,
-            lost: coil.lost,
+            lost: coil.dead_time_share,
             zero_v: H::CIRCUIT.volts(zero_count),
             supply_v: self.supply_v,
             limited_to_a,

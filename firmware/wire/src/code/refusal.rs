@@ -5,7 +5,7 @@
 
 codes! {
     /// Reason why a measurement gave no estimate. The record `refusal` carries a value and a limit;
-    /// their meaning follows.
+    /// their meaning follows. Number 2 is reserved.
     pub enum RefusalReason {
         /// A calibration is missing. Value: kind of the record that would carry it.
         NotCalibrated = 1 "not_calibrated",
