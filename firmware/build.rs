@@ -17,7 +17,7 @@ use std::process::Command;
 ///
 /// The start-up code, which has ended before any flash is erased, and the storage, which waits for each
 /// erase, stay in flash; so do the estimate of a touch and the setting of parts of the configuration, which
-/// the procedure runs only while the storage does not work. The functions that these two call are in RAM unless the linker script below
+/// the procedure runs only while the storage is idle. The functions that these two call are in RAM unless the linker script below
 /// selects them by name.
 ///
 /// Code that relies on the time between two instructions must also be in RAM, in a function of its

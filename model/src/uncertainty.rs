@@ -3,7 +3,7 @@
 //! A ramp measures the total compliance at the reference state, T = 1/c_L + 1/c_S + 1/c_D0, in
 //! units of the change of 1/c_D that the current caused. The load's compliance is the remainder,
 //! 1/c_L = T - 1/c_S - 1/c_D0. With kappa = c_S/c_L, g = c_S/c_D0 and W = 1 + kappa + g, an error
-//! of a calibrated quantity changes kappa by
+//! of a calibrated quantity changes kappa as follows, where the c_S in kappa keeps its true value:
 //!
 //! | calibrated quantity | change of kappa |
 //! |---|---|
@@ -14,11 +14,11 @@
 //! | current read too high by e | W e n / (1 + rho), n = d ln rho/d ln I |
 //! | deformation read too high by o at all points | W o/x |
 //!
-//! where rho and n are those at the peak of the ramp, since the ramp's ends determine the slope.
-//! For c_L this means: relative error of c_L = (relative error of the ratio) / w_L, where w_L =
-//! kappa/W is the load's fraction of the compliance. With three equal springs, an eps that is 5 %
-//! too high makes c_L 13 % too low. So the interval due to noise alone must not be stated as the
-//! result's interval.
+//! where rho is the relative rise of c_D, and n its logarithmic slope, both at the peak of the ramp (the
+//! ramp's ends determine the slope); x is the deformation on the ramp. The relative error of c_L is minus
+//! the change over kappa: a T that is too high by e makes c_L too low by e/w_L, where w_L = kappa/W is the
+//! load's fraction of the compliance. With three equal springs, an eps that is 5 % too high makes c_L
+//! 13 % too low. So the interval due to noise alone must not be stated as the result's interval.
 //!
 //! The formulas are of first order in e, and are stated for kappa rather than c_L because first
 //! order is a good approximation for kappa. At a stiffening of 10 % they are within 3 % of a ramp

@@ -1,4 +1,4 @@
-//! Results, STATUS and INTB: reporting, and clearing by reads.
+//! How results are reported in DATAx, in STATUS and on INTB, and what a read of DATAx or STATUS clears.
 
 use crate::conversion::TrueConversion;
 use crate::errors::Errors;

@@ -240,7 +240,7 @@ impl Instrument {
     }
 
     /// Handles a restart request that is not a command. Returns whether the restart is accepted; it is
-    /// refused while the storage works.
+    /// refused while the storage is busy.
     pub fn asked_to_restart<H: Hardware>(
         &mut self,
         hardware: &mut H,

@@ -1,6 +1,6 @@
 //! Orders to the storage and its reports.
 //!
-//! The storage works in parallel with the procedure, and more slowly: it gets one order at a time and
+//! The storage runs in parallel with the procedure, and more slowly: it gets one order at a time and
 //! reports the end of each.
 
 use palpate_wire::Command;

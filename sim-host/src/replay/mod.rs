@@ -165,7 +165,7 @@ impl Replay {
     /// Pauses the replay at a record whose cause is not in the recording, such as a fault.
     fn interrupt(&mut self, record: &Record) {
         let why = match record {
-            // The board estimates no touch, and follows no rest, while its storage works.
+            // The board estimates no touch, and follows no rest, while its storage is busy.
             Record::Storage(of) if of.action != StorageAction::Inspect => {
                 if let Some(run) = &mut self.run {
                     run.set_knows_rest(false);

@@ -242,7 +242,7 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// Returns whether settings and drive are refused because the storage works or the device restarts.
+    /// Returns whether settings and drive are refused because the storage is busy or the device restarts.
     pub(super) const fn is_occupied(&self) -> bool {
         self.storage.is_at_work() || self.restarting
     }

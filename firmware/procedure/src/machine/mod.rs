@@ -236,7 +236,7 @@ impl Procedure {
     }
 
     /// Returns whether the stored configuration is active, so that the instrument may start. Until then
-    /// only the storage works.
+    /// only the storage runs.
     fn start(&mut self, event: &Event<'_>, out: &mut Out<'_>) -> bool {
         if !self.board.storage {
             self.greet(out);

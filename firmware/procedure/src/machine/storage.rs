@@ -1,6 +1,6 @@
 //! Control of the storage: one operation at a time, order by order.
 //!
-//! While the storage works, no setting or drive is allowed, so the stored and the active configuration
+//! While the storage is busy, no setting or drive is allowed, so the stored and the active configuration
 //! agree and the bridge stays off.
 
 use palpate_model::units::Second;

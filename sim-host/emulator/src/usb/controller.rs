@@ -580,7 +580,8 @@ impl UsbController {
         }
     }
 
-    /// SUSPENDED and CONNECTED are levels: clearing them also clears their interrupts.
+    /// SUSPENDED and CONNECTED show the present state, which a write does not change: it clears only the
+    /// interrupt that their last change has latched.
     fn clear_status(&mut self, value: u32) {
         self.status &= !value;
         let latches = [

@@ -1,4 +1,5 @@
-//! Properties of mesh regions in an alternating field.
+//! Properties of mesh regions in an alternating field. The unknowns of the equations (`system.rs`) are
+//! w = A_φ/r, and for each ring of one turn u = V/(iω), with the voltage V around the ring.
 
 use num_complex::Complex64;
 
@@ -30,7 +31,7 @@ pub(super) enum Winding {
         coil: usize,
         turns_per_m2: f64,
     },
-    /// Current distributed by induction: `unknown` is the number of the ring's unknown u.
+    /// Current distributed by induction in a ring of one turn; `unknown` is the index of the ring's u among all unknowns.
     Solid {
         unknown: u32,
     },
@@ -43,8 +44,8 @@ pub(super) fn is_solid(design: &Design, coil: usize) -> bool {
     coil.is_some_and(|coil| coil.turns == 1.0 && coil.rings.iter().all(|ring| ring.r_m[0] > 0.0))
 }
 
-/// For each coil whose rings are solid, the number of the unknown u of its first ring; and the
-/// total number of unknowns.
+/// For each coil whose rings are solid, the index of its first ring's u among all unknowns; and the
+/// total number of unknowns. `count_of_w`: number of the unknowns w.
 pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u32>>, usize) {
     let mut count = count_of_w;
     let mut first = Vec::with_capacity(design.coils.len());
@@ -56,7 +57,7 @@ pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u
     (first, count)
 }
 
-/// Index of the coil, number of the unknown u, and sense, of each single-turn ring.
+/// For each ring of one turn: index of its coil, index of its u among all unknowns, and sense of its coil.
 pub(super) fn solid_rings(design: &Design, first_rings: &[Option<u32>]) -> Vec<(usize, u32, f64)> {
     let coils = design.coils.iter().zip(first_rings).enumerate();
     let rings = coils.filter_map(|(index, (coil, first))| {

@@ -5,7 +5,6 @@
 //! − v_u/2πr) r dA = Σ I v_u/2π + ∫ J v r² dA. The second term is that of the eddy currents. The
 //! matrix is complex and symmetric, and its real and imaginary parts are positive semidefinite. A
 //! ring of several turns carries its current evenly.
-
 //!
 //! If the skin depth is far below a part's thickness, the inside of the part is left out, and its
 //! surface has the impedance of a half-space: H_t = A √(iωσν). The inside keeps a billionth of the
