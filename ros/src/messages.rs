@@ -150,7 +150,7 @@ pub struct Stiffness {
 impl Stiffness {
     /// A stiffness with its interval.
     pub const MEASURED: u8 = 0;
-    /// As if rigid: the interval has only a lower end.
+    /// The load cannot be distinguished from a rigid one: the interval has only a lower end.
     pub const AT_LEAST: u8 = 1;
     /// No result.
     pub const REFUSED: u8 = 2;
