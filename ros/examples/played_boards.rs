@@ -4,7 +4,8 @@
 //! what was recorded between them. Their force is their number modulo 10,000, in N, where the system's clock has
 //! number 0 at 1970. So a subscriber knows which sample it has, and how wrong the stamp is. After every hundredth follows a touch. Commands are answered as a board answers them, and named on
 //! standard error. A line `unplug BOARD SECONDS` on standard input
-//! closes the port of a board for a time; it comes back as after a start.
+//! closes the port of a board for a time; it comes back as after a start. `mute BOARD SECONDS` leaves its commands
+//! unanswered for a time.
 
 use std::io::{self, BufRead, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -34,21 +35,26 @@ fn main() -> Result<(), Failed> {
     let first_port: u16 = first_port.parse()?;
     let mut boards = Vec::new();
     for index in 0..count.parse()? {
-        let unplugged_until_us = Arc::new(AtomicU64::new(0));
+        let [unplugged_until_us, mute_until_us] = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
         let board = Board {
             played: Arc::clone(&played),
             port: first_port + index,
             unplugged_until_us: Arc::clone(&unplugged_until_us),
+            mute_until_us: Arc::clone(&mute_until_us),
         };
-        boards.push(unplugged_until_us);
+        boards.push((unplugged_until_us, mute_until_us));
         thread::spawn(move || board.run());
     }
     for line in io::stdin().lock().lines() {
         let line = line?;
-        if let ["unplug", board, seconds] = line.split(' ').collect::<Vec<_>>().as_slice() {
+        if let [what, board, seconds] = line.split(' ').collect::<Vec<_>>().as_slice() {
             let until_us = now_us() + (seconds.parse::<f64>()? * 1e6) as u64;
             let board = boards.get(board.parse::<usize>()?).ok_or("no such board")?;
-            board.store(until_us, Ordering::Relaxed);
+            match *what {
+                "unplug" => board.0.store(until_us, Ordering::Relaxed),
+                "mute" => board.1.store(until_us, Ordering::Relaxed),
+                _ => return Err("unplug or mute".into()),
+            }
         }
     }
     Ok(())
@@ -101,6 +107,7 @@ struct Board {
     played: Arc<Played>,
     port: u16,
     unplugged_until_us: Arc<AtomicU64>,
+    mute_until_us: Arc<AtomicU64>,
 }
 
 /// The board's side of a connection.
@@ -166,7 +173,9 @@ impl Board {
         }));
         let answers = Arc::clone(&output);
         let hello = self.played.hello.clone();
-        let answering = thread::spawn(move || answer(commands, &answers, &hello, zero_us));
+        let mute_until_us = Arc::clone(&self.mute_until_us);
+        let answering =
+            thread::spawn(move || answer(commands, &answers, &hello, zero_us, &mute_until_us));
         // An end of the connection is no error here: the reader has left.
         let _ = self.play(&output, zero_us);
         let output = output.lock().unwrap_or_else(PoisonError::into_inner);
@@ -233,8 +242,14 @@ fn touch(is_inside: bool) -> Touch {
     }
 }
 
-/// Accepts every command at once, and identifies the board.
-fn answer(mut commands: TcpStream, output: &Mutex<Output>, hello: &Hello, zero_us: u64) {
+/// Accepts every command at once, and identifies the board; drops commands while the board is mute.
+fn answer(
+    mut commands: TcpStream,
+    output: &Mutex<Output>,
+    hello: &Hello,
+    zero_us: u64,
+    mute_until_us: &AtomicU64,
+) {
     let mut decoder = CommandDecoder::new();
     let mut buffer = [0; 4096];
     while let Ok(count @ 1..) = commands.read(&mut buffer) {
@@ -242,6 +257,9 @@ fn answer(mut commands: TcpStream, output: &Mutex<Output>, hello: &Hello, zero_u
             .frames(buffer.get(..count).unwrap_or_default())
             .flatten()
         {
+            if now_us() < mute_until_us.load(Ordering::Relaxed) {
+                continue;
+            }
             let answer =
                 Acknowledgement::new(&frame.header, frame.message.kind(), Outcome::Accepted);
             let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);

@@ -185,7 +185,10 @@ impl Reader {
             if end::is_asked() {
                 return Ok(());
             }
-            match connection.receive(self.usage.arm) {
+            let received = connection.receive(self.usage.arm);
+            // What came before a failure is published too.
+            self.publish(&mut connection);
+            match received {
                 Err(Failure::Lost(text)) if connection.board.is_recording() => {
                     self.log.info(&format!("{}: {text}", self.named.name));
                     return Ok(());
@@ -196,7 +199,6 @@ impl Reader {
                 self.log.warn(&format!("{}: {why}", self.named.name));
                 self.health().not_armed = Some(why);
             }
-            self.publish(&mut connection);
         }
     }
 
@@ -243,7 +245,13 @@ impl Connection {
             self.boot_id = boot_id;
             self.begin(arm)?;
         } else if self.exchanged.elapsed() >= EXCHANGE {
-            self.exchange()?;
+            let before = self.pending.len();
+            match self.exchange() {
+                // Without an answer in time, a board that still sends stays connected: what is on its way
+                // would be lost.
+                Err(Failure::Refused(_)) if self.pending.len() > before => {}
+                other => other?,
+            }
         }
         if let (Some(pace), Some(last)) = (&mut self.pace, self.pending.last()) {
             pace.wait(last.header.time_us);

@@ -90,6 +90,10 @@ class Boards(Program):
     def unplug(self, board: int, seconds: float) -> None:
         self.write(f"unplug {board} {seconds}")
 
+    def mute(self, board: int, seconds: float) -> None:
+        """The board sends, and answers no commands."""
+        self.write(f"mute {board} {seconds}")
+
 
 class Listener:
     """A node of rclpy that keeps what it receives from `start` on.

@@ -1,7 +1,8 @@
 """Latency and losses of the node at full load, beside a bare publisher of the same messages.
 
 `measure.py boards 8 60` or `measure.py bare 8 60`, each in a network of its own, with the variables of conftest.py:
-RECORDING names what the boards play. `--unplug N` unplugs boards in turn while it measures.
+RECORDING names what the boards play. `--unplug N` unplugs boards in turn while it measures; a gap is explained by an
+unplug of its board between the samples on both its sides.
 """
 
 import argparse
@@ -9,7 +10,22 @@ import os
 import resource
 import time
 
-from conftest import Boards, Listener, Program, gaps, stamp_errors_ns, true_times_ns, wait_until
+from conftest import Boards, Force, Listener, Program, gaps, stamp_errors_ns, true_times_ns, wait_until
+
+# Largest error of the first stamps, and of the time at which a board takes the order to be unplugged.
+TOLERANCE_NS = 20_000_000
+
+
+def unexplained(forces: list[Force], unplugs_ns: list[int]) -> int:
+    """Gaps without an unplug; each unplug explains one."""
+    left = list(unplugs_ns)
+    count = 0
+    for step, (before, _, _), (after, _, _) in zip(gaps(forces), forces, forces[1:]):
+        if step > 1:
+            here = [at for at in left if before - TOLERANCE_NS <= at <= after]
+            left = [at for at in left if at not in here[:1]]
+            count += not here
+    return count
 
 
 def main() -> None:
@@ -31,10 +47,15 @@ def main() -> None:
         program = Program(os.environ["PALPATE_ROS"], *boards.arguments())
     wait_until(lambda: all(forces), 120, "first forces")
     started = [len(of) for of in forces]
+    unplugs_ns: list[list[int]] = [[] for _ in forces]
     for index in range(asked.unplug):
+        unplugs_ns[index % asked.count].append(time.time_ns())
         boards.unplug(index % asked.count, 0.5)
         time.sleep(asked.seconds / asked.unplug)
-    if not asked.unplug:
+    if asked.unplug:
+        end_ns = time.time_ns()
+        wait_until(lambda: all(of[-1][0] > end_ns for of in forces), 120, "the forces until now")
+    else:
         time.sleep(asked.seconds)
     ended = [len(of) for of in forces]
     load = os.getloadavg()[0]
@@ -53,6 +74,9 @@ def main() -> None:
     jumps = sum(step > 1 for step in steps)
     print(f"{asked.what}: {len(latencies)} messages of {asked.count} topics in {asked.seconds} s; load {load:.0f}")
     print(f"lost {lost} in {jumps} gaps, out of order {sum(step < 1 for step in steps)}")
+    if asked.unplug:
+        count = sum(unexplained(part, at) for part, at in zip(parts, unplugs_ns))
+        print(f"{asked.unplug} unplugs, {count} gaps without one")
     print(f"latency: median {ms(latencies, 0.5)}, 99 % {ms(latencies, 0.99)}, longest {ms(latencies, 1)}")
     if asked.what == "boards":
         print(f"error of stamps: median {ms(errors, 0.5)}, 99 % {ms(errors, 0.99)}, largest {ms(errors, 1)}")

@@ -119,6 +119,23 @@ def test_an_unplugged_board_is_reported_and_comes_back(boards: Play, node: Start
     assert values["connections"] == "4" and values["records missing"] == "0"
 
 
+def test_a_board_that_sends_without_answering_stays_connected(boards: Play, node: Start, listener: Listen) -> None:
+    """The node waits 5 s for an answer."""
+    hear = listener()
+    forces = hear.forces("/palpate/b0/force")
+    reports = hear.listen(DiagnosticArray, "/diagnostics")
+    hear.start()
+    played = boards(1)
+    node(*played.arguments())
+    wait_until(lambda: len(forces) > 500, 30, "first forces")
+    played.mute(0, 7)
+    before = len(forces)
+    wait_until(lambda: len(forces) > before + 9000, 60, "9 s of forces")
+    assert set(gaps(forces)) == {1}
+    values = {value.key: value.value for value in latest(reports).values}
+    assert values["connections"] == "1" and values["records missing"] == "0"
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_when_it_is_asked(how: signal.Signals, boards: Play, node: Start, listener: Listen) -> None:
     hear = listener()
