@@ -16,16 +16,16 @@ from conftest import Boards, Force, Listener, Program, gaps, stamp_errors_ns, tr
 TOLERANCE_NS = 20_000_000
 
 
-def unexplained(forces: list[Force], unplugs_ns: list[int]) -> int:
-    """Gaps without an unplug; each unplug explains one."""
-    left = list(unplugs_ns)
-    count = 0
-    for step, (before, _, _), (after, _, _) in zip(gaps(forces), forces, forces[1:]):
-        if step > 1:
-            here = [at for at in left if before - TOLERANCE_NS <= at <= after]
-            left = [at for at in left if at not in here[:1]]
-            count += not here
-    return count
+def at_unplugs(forces: list[Force], unplugs_ns: list[int]) -> int:
+    """Unplugs with a gap; each has one at most."""
+    spans = [
+        (before, after)
+        for step, (before, _, _), (after, _, _) in zip(gaps(forces), forces, forces[1:])
+        if step > 1
+    ]
+    return sum(
+        any(before - TOLERANCE_NS <= at <= after for before, after in spans) for at in unplugs_ns
+    )
 
 
 def main() -> None:
@@ -46,7 +46,8 @@ def main() -> None:
         boards = Boards(os.environ["RECORDING"], asked.count)
         program = Program(os.environ["PALPATE_ROS"], *boards.arguments())
     wait_until(lambda: all(forces), 120, "first forces")
-    started = [len(of) for of in forces]
+    # With the last force before the measurement: an unplug may come before the next one.
+    started = [len(of) - 1 for of in forces]
     unplugs_ns: list[list[int]] = [[] for _ in forces]
     for index in range(asked.unplug):
         unplugs_ns[index % asked.count].append(time.time_ns())
@@ -75,8 +76,8 @@ def main() -> None:
     print(f"{asked.what}: {len(latencies)} messages of {asked.count} topics in {asked.seconds} s; load {load:.0f}")
     print(f"lost {lost} in {jumps} gaps, out of order {sum(step < 1 for step in steps)}")
     if asked.unplug:
-        count = sum(unexplained(part, at) for part, at in zip(parts, unplugs_ns))
-        print(f"{asked.unplug} unplugs, {count} gaps without one")
+        count = sum(at_unplugs(part, at) for part, at in zip(parts, unplugs_ns))
+        print(f"{asked.unplug} unplugs: {count} with a gap; {jumps - count} gaps without an unplug")
     print(f"latency: median {ms(latencies, 0.5)}, 99 % {ms(latencies, 0.99)}, longest {ms(latencies, 1)}")
     if asked.what == "boards":
         print(f"error of stamps: median {ms(errors, 0.5)}, 99 % {ms(errors, 0.99)}, largest {ms(errors, 1)}")
