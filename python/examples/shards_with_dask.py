@@ -53,16 +53,20 @@ def campaign(
     client: Client, folder: Path, plants: int, *, seed: int = 1, size: int = 10, palpate: list[str]
 ) -> subprocess.CompletedProcess[str]:
     """Computes the shards of `palpate campaign`, of `size` sensors each, and merges them."""
+    files: list[str] = []
     tasks = []
     for first in range(seed, seed + plants, size):
-        count = min(size, seed + plants - first)
-        file = str(folder.resolve() / f"{first}-{count}.jsonl")
-        command = [*palpate, "--seed", str(first), "--plants", str(count)]
+        sensors = min(size, seed + plants - first)
+        file = str(folder.resolve() / f"{first}-{sensors}.jsonl")
+        command = [*palpate, "--seed", str(first), "--plants", str(sensors)]
         tasks.append(client.submit(compute, command, file, pure=False))
-    for number, task in enumerate(as_completed(tasks), start=1):
-        task.result()
-        print(f"{number} of {len(tasks)} shards", file=sys.stderr)
-    files: list[str] = client.gather(tasks)
+    count = len(tasks)
+    completed = as_completed(tasks, with_results=True)
+    # A result that is here and is referred to no more is not computed again when its worker is killed.
+    del tasks
+    for _task, file in completed:
+        files.append(file)
+        print(f"{len(files)} of {count} shards", file=sys.stderr)
     command = [*palpate, "--seed", str(seed), "--plants", str(plants), "--merge", *files]
     return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
 
