@@ -51,6 +51,9 @@ pub(crate) struct ProfiledFigures {
 
 /// Distance of the farthest points about the centre, in lengths of the core.
 const ABOUT_CENTRE: f64 = 0.2;
+/// Weight of the scatter of changes about the centre against their mean. Elements about the centre
+/// are smooth, and those of the next order remove nearly all of their error there.
+const SCATTER: f64 = 0.3;
 
 impl ProfiledFigures {
     /// Computes all figures of a solution.
@@ -58,7 +61,8 @@ impl ProfiledFigures {
         let locator = Locator::new(level, w);
         let core = &design.core;
         let middle = core.middle_m();
-        let (core_mean_t, cv) = homogeneity(level, w);
+        let points = core_points(level, w);
+        let zones = Zone::SHARES.map(|(zone, _)| ZoneMean::of(&points, zone));
         let share = |step: u32| f64::from(step) / f64::from(STEPS);
         let axial = |step| {
             let x = core.x_m[0] + share(step) * (core.x_m[1] - core.x_m[0]);
@@ -82,8 +86,8 @@ impl ProfiledFigures {
         };
         let figures = Figures {
             centre_t: locator.at([0.0, middle]).b[1],
-            core_mean_t,
-            cv,
+            core_mean_t: zones[0].mean_t,
+            cv: zones.map(|zone| zone.cv),
             axial_pp: of(Figure::AxialPp, &|| peak_to_peak(&profiles[0])),
             radial_pp: of(Figure::RadialPp, &|| peak_to_peak(&profiles[1])),
             linkage_wb: linkage(design, level, w),
@@ -123,11 +127,15 @@ impl ProfiledFigures {
         }
     }
 
-    /// Greatest change of the field about the centre, T. The change at the centre itself may vanish
-    /// by chance.
+    /// Change of the field about the centre, T: the mean change, which distant edges of metal make,
+    /// and [`SCATTER`] times the greatest difference from it. The change at the centre itself may
+    /// vanish by chance.
     pub(crate) fn change_about_centre_t(&self, other: &Self) -> f64 {
         let both = self.about_centre_t.iter().zip(&other.about_centre_t);
-        both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        let changes: Vec<f64> = both.map(|(a, b)| a - b).collect();
+        let mean = changes.iter().sum::<f64>() / changes.len() as f64;
+        let scatter = changes.iter().map(|change| (change - mean).abs());
+        mean.abs() + SCATTER * scatter.fold(0.0, f64::max)
     }
 }
 
@@ -208,31 +216,115 @@ fn peak_to_peak(values: &[f64]) -> f64 {
     high - low
 }
 
-/// Mean |B| and the coefficients of variation in the three zones of the core.
-fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
-    let mut sums = [[0.0; 3]; 3];
+/// A point of integration in the core.
+struct CorePoint {
+    zone: Zone,
+    triangle: usize,
+    volume_m3: f64,
+    b_t: f64,
+}
+
+fn core_points(level: &Level, w: &[f64]) -> Vec<CorePoint> {
+    let mut points = Vec::new();
     let in_core = |region: &Region| region.zone != Zone::None;
     level.visit_where(w, in_core, |at| {
-        let b = length(at.b);
-        let volume = TAU * at.weight * at.point[0];
-        for (sum, (zone, _)) in sums.iter_mut().zip(Zone::SHARES) {
-            if at.region.zone >= zone {
-                for (sum, value) in sum.iter_mut().zip([1.0, b, b * b]) {
-                    *sum += volume * value;
-                }
+        points.push(CorePoint {
+            zone: at.region.zone,
+            triangle: at.triangle,
+            volume_m3: TAU * at.weight * at.point[0],
+            b_t: length(at.b),
+        });
+    });
+    points
+}
+
+/// |B| over a zone of the core.
+#[derive(Clone, Copy)]
+struct ZoneMean {
+    volume_m3: f64,
+    mean_t: f64,
+    /// Coefficient of variation; 0 if the mean is 0.
+    cv: f64,
+}
+
+impl ZoneMean {
+    fn of(points: &[CorePoint], zone: Zone) -> Self {
+        let mut sum = [0.0; 3];
+        for point in points.iter().filter(|point| point.zone >= zone) {
+            for (sum, value) in sum.iter_mut().zip([1.0, point.b_t, point.b_t.powi(2)]) {
+                *sum += point.volume_m3 * value;
             }
         }
-    });
-    let mean = |[volume, first, _]: [f64; 3]| first / volume;
-    let cv = sums.map(|sum| {
-        let mean = mean(sum);
-        if mean > 0.0 {
-            (sum[2] / sum[0] - mean * mean).max(0.0).sqrt() / mean
+        let [volume_m3, first, second] = sum;
+        let mean_t = first / volume_m3;
+        let variance = (second / volume_m3 - mean_t * mean_t).max(0.0);
+        let cv = if mean_t > 0.0 {
+            variance.sqrt() / mean_t
         } else {
             0.0
+        };
+        Self {
+            volume_m3,
+            mean_t,
+            cv,
         }
+    }
+}
+
+/// Changes of mean, homogeneity and force from the field `before` to the field `after` if those of
+/// single triangles did not cancel each other: the sums of their absolute values. All other figures
+/// are NaN.
+pub(crate) fn change_of_triangles(
+    design: &Design,
+    level: &Level,
+    [before, after]: [&[f64]; 2],
+    wanted: Wanted<'_>,
+) -> Figures {
+    let [points_before, points] = [before, after].map(|w| core_points(level, w));
+    let [zones_before, zones] = [&points_before, &points]
+        .map(|points| Zone::SHARES.map(|(zone, _)| ZoneMean::of(points, zone)));
+    let pairs = || points_before.iter().zip(&points);
+    let mean = pairs().map(|(a, b)| {
+        let change = b.volume_m3 * (b.b_t - a.b_t);
+        (b.triangle, change / zones[0].volume_m3)
     });
-    (mean(sums[0]), cv)
+    let cv = |index: usize| {
+        let (old, new) = (zones_before[index], zones[index]);
+        let within = pairs().filter(|(_, b)| b.zone >= Zone::SHARES[index].0);
+        let scale = new.volume_m3 * new.cv;
+        sum_of_sizes(within.map(|(a, b)| {
+            let deviation = b.b_t / new.mean_t - 1.0;
+            let change = deviation - (a.b_t / old.mean_t - 1.0);
+            (b.triangle, b.volume_m3 * deviation * change / scale)
+        }))
+    };
+    let force_n = if wanted.has(Figure::Force) {
+        let [before, after] = [before, after].map(|w| force::pulls(design, level, w));
+        let changes = before.iter().zip(&after);
+        sum_of_sizes(changes.map(|(a, b)| (b.0, b.1 - a.1)))
+    } else {
+        f64::NAN
+    };
+    Figures {
+        core_mean_t: sum_of_sizes(mean),
+        cv: [0, 1, 2].map(cv),
+        force_n,
+        ..Figures::default().scaled(f64::NAN)
+    }
+}
+
+/// Sum of the absolute values of what each triangle contributes. Contributions, each with the index
+/// of its triangle, are in the order of the triangles.
+fn sum_of_sizes(contributions: impl Iterator<Item = (usize, f64)>) -> f64 {
+    let (mut sum, mut of_one, mut current) = (0.0, 0.0_f64, 0);
+    for (triangle, contribution) in contributions {
+        if triangle != current {
+            sum += of_one.abs();
+            (of_one, current) = (0.0, triangle);
+        }
+        of_one += contribution;
+    }
+    sum + of_one.abs()
 }
 
 fn linkage(design: &Design, level: &Level, w: &[f64]) -> f64 {
