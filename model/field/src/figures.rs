@@ -271,15 +271,10 @@ impl ZoneMean {
     }
 }
 
-/// Changes of mean, homogeneity and force from the field `before` to the field `after` if those of
+/// Changes of mean and homogeneity from the field `before` to the field `after` if those of
 /// single triangles did not cancel each other: the sums of their absolute values. All other figures
 /// are NaN.
-pub(crate) fn change_of_triangles(
-    design: &Design,
-    level: &Level,
-    [before, after]: [&[f64]; 2],
-    wanted: Wanted<'_>,
-) -> Figures {
+pub(crate) fn change_of_triangles(level: &Level, [before, after]: [&[f64]; 2]) -> Figures {
     let [points_before, points] = [before, after].map(|w| core_points(level, w));
     let [zones_before, zones] = [&points_before, &points]
         .map(|points| Zone::SHARES.map(|(zone, _)| ZoneMean::of(points, zone)));
@@ -298,17 +293,9 @@ pub(crate) fn change_of_triangles(
             (b.triangle, b.volume_m3 * deviation * change / scale)
         }))
     };
-    let force_n = if wanted.has(Figure::Force) {
-        let [before, after] = [before, after].map(|w| force::pulls(design, level, w));
-        let changes = before.iter().zip(&after);
-        sum_of_sizes(changes.map(|(a, b)| (b.0, b.1 - a.1)))
-    } else {
-        f64::NAN
-    };
     Figures {
         core_mean_t: sum_of_sizes(mean),
         cv: [0, 1, 2].map(cv),
-        force_n,
         ..Figures::default().scaled(f64::NAN)
     }
 }

@@ -44,23 +44,14 @@ fn tension_of(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
 #[must_use]
 pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
     let [from, to] = design.core.parting_m();
-    let inside = pulls(design, level, w).into_iter().map(|(_, pull)| pull);
-    // Outside of the circle around the design the field is smooth.
-    let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));
-    inside.sum::<f64>() + beyond / (to - from)
-}
-
-/// Contributions of the points of integration inside the circle to the force by virtual work, N,
-/// each with the index of its triangle.
-pub(crate) fn pulls(design: &Design, level: &Level, w: &[f64]) -> Vec<(usize, f64)> {
-    let [from, to] = design.core.parting_m();
-    let mut pulls = Vec::new();
+    let mut sum = 0.0;
     let parting = |region: &Region| region.parting;
     level.visit_where(w, parting, |at| {
-        let area = TAU * at.weight * at.point[0] / (to - from);
-        pulls.push((at.triangle, area * tension(level, at.index, at.b)));
+        sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
     });
-    pulls
+    // Outside of the circle around the design the field is smooth.
+    let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));
+    (sum + beyond) / (to - from)
 }
 
 /// Closing force, N: Maxwell's stress, integrated over the core's mid-plane out to infinity.

@@ -70,7 +70,7 @@ pub fn solve_for(
             ..finer_profiled.change_from(&profiled)
         };
         let raised = raised(&level.space, &balanced.w, &finer.level.space);
-        let of_triangles = change_of_triangles(design, &finer.level, [&raised, &finer.w], wanted);
+        let of_triangles = change_of_triangles(&finer.level, [&raised, &finer.w]);
         let errors = estimate(change, &of_triangles, &figures, before);
         let limits = limits(&figures, design, level, excitation, accuracy, wanted);
         let reached = errors.is_within(&limits);
@@ -136,23 +136,23 @@ const OF_COARSER_MESH: f64 = 0.1;
 /// Error of a figure over its change to elements of the next order. At edges of metal the next order
 /// is hardly better: there the error is 2.3 to 2.5 times the change.
 const OF_CHANGE: f64 = 4.0;
-/// Error of mean, homogeneity and force over the sum of the changes that the single triangles make.
+/// Error of mean and homogeneity over the sum of the changes that the single triangles make.
 /// At the edges of thin discs of high permeability these changes may cancel each other, and the
-/// errors do not: in 90 designs drawn by the test `drawn` (seeds 2001 to 2060 and 3001 to 3030),
-/// three errors are 3 to 40 times the change, and up to 0.15 of the sum.
-const OF_TRIANGLES: f64 = 0.2;
+/// errors do not: in 150 designs drawn by the test `drawn` (seeds 1001 to 1060, 2001 to 2060 and
+/// 3001 to 3030), four errors are 3 to 40 times the change, and 0.03 to 0.26 of the sum.
+const OF_TRIANGLES: f64 = 0.25;
 /// Error of a peak-to-peak value over twice the greatest change of its profile: half of 2.3, since
 /// the error is at one end of the profile.
 const OF_PROFILE: f64 = 1.15;
 /// Least relative error of the greatest field in the plates, by the distance of sampled points.
 const SAMPLED: f64 = 0.01;
-/// Least relative errors of mean and force, and least error of the homogeneity of the whole core, as
-/// multiples of the relative error of the linkage. The linkage is an energy, whose error has one sign
-/// and is estimated most reliably.
-const LEAST_OF_LINKAGE: f64 = 0.03;
+/// Least relative error of the force, as a multiple of that of the linkage. The linkage is an energy,
+/// whose error has one sign and is found most surely. Without this least value one estimate for the
+/// same designs is 1.08 times the error.
+const LEAST_OF_LINKAGE: f64 = 0.08;
 
-/// Estimated errors: [`OF_CHANGE`] times the change to elements of the next order, and at least a
-/// fraction of the changes of single triangles.
+/// Estimated errors: [`OF_CHANGE`] times the change to elements of the next order, and at least
+/// [`OF_TRIANGLES`] of the changes of single triangles.
 fn estimate(
     change: Figures,
     of_triangles: &Figures,
@@ -169,13 +169,10 @@ fn estimate(
     if let Some((before, share)) = before {
         errors = errors.greater_of(&before.scaled(share));
     }
-    let energy = LEAST_OF_LINKAGE * errors.linkage_wb / figures.linkage_wb.abs();
+    let least = LEAST_OF_LINKAGE * errors.linkage_wb / figures.linkage_wb.abs();
     // A design without a coil has no flux linkage.
-    if energy.is_finite() {
-        let raise = |error: &mut f64, size: f64| *error = error.max(energy * size.abs());
-        raise(&mut errors.core_mean_t, figures.core_mean_t);
-        raise(&mut errors.cv[0], 1.0);
-        raise(&mut errors.force_n, figures.force_n);
+    if least.is_finite() {
+        errors.force_n = errors.force_n.max(least * figures.force_n.abs());
     }
     // Corners of metal far from the core change centre and mean alike.
     let mean = errors.core_mean_t / figures.core_mean_t;
