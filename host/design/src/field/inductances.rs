@@ -2,11 +2,11 @@
 
 use palpate_cli::failure::Failure;
 use palpate_field::design::Design;
-use palpate_field::solve::{Excitation, Wanted};
+use palpate_field::solve::Excitation;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::drive::{field_for, reached};
+use super::drive::{field_of, reached};
 use super::input::Effort;
 
 /// Flux linkage of each coil per ampere in each coil, far below saturation.
@@ -29,7 +29,7 @@ impl InductanceMatrix {
             if let Some(current) = excitation.currents_a.get_mut(driven) {
                 *current = 1.0;
             }
-            let solved = field_for(design, &excitation, effort, Wanted::Figures)?;
+            let solved = field_of(design, &excitation, effort)?;
             reached(design, &solved)?;
             Ok((0..count)
                 .map(|coil| solved.linkage_wb(design, coil))

@@ -218,13 +218,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (effort, asked) = (&arguments.source.effort, &arguments.asked);
     let first_drive = Drive::of(&design, None)?;
     let forced = forces::named(&design, &arguments.force)?;
+    // The force on a part has no estimate, so it takes the field that is accurate everywhere.
+    let attempt = |drive: Drive| match forced.is_empty() {
+        true => drive.attempt_for(&design, effort, asked.wanted()),
+        false => drive.attempt(&design, effort),
+    };
     let current = arguments.current.map(|current_a| {
         let drive = Drive::of(&design, Some(current_a))?;
-        let solved = drive.attempt_for(&design, effort, asked.wanted())?;
+        let solved = attempt(drive)?;
         Ok::<_, Failure>((current_a, drive, solved))
     });
     let current = current.transpose()?;
-    let first = first_drive.attempt_for(&design, effort, asked.wanted())?;
+    let first = attempt(first_drive)?;
     let outcome = DesignFigures {
         design: design.name.clone(),
         files: design.files.iter().map(ToString::to_string).collect(),

@@ -9,6 +9,8 @@ use super::cases::{CASES, Case};
 use super::page::range;
 use super::result::EQUAL;
 
+/// Arguments of palpate for the mean field in the core alone.
+const ONLY_MEAN: [&str; 2] = ["--figures", "core_mean"];
 /// Cases of the table.
 const NAMES: [&str; 6] = ["A", "A10", "B1", "C1in", "backplates", "pot"];
 /// Number of runs of each program, alternating.
@@ -33,7 +35,10 @@ const MESHERS: [Mesher; 2] = [Mesher::Delaunay, Mesher::AdvancingFront];
 /// A case, as a row of the table.
 struct Row {
     case: Case,
+    /// With all figures.
     ours: Median,
+    /// With the core's mean alone.
+    ours_mean: Median,
     /// Setting and time with each of [`MESHERS`]; `None` if no setting reaches the accuracy.
     peers: [Option<(Value, Median)>; 2],
 }
@@ -55,7 +60,7 @@ pub(super) fn table(bench: &PeerBench) -> Result<(String, String), Failure> {
     println!("Chosen settings: {}.", chosen(&rows));
     let ratios = rows.iter().flat_map(|row| {
         let peers = row.peers.iter().flatten();
-        peers.map(|(_, peer)| row.ours.wall_s / peer.wall_s)
+        peers.map(|(_, peer)| row.ours_mean.wall_s / peer.wall_s)
     });
     Ok((range(&ratios.collect::<Vec<_>>()), render(&rows)))
 }
@@ -68,20 +73,20 @@ fn row(bench: &PeerBench, case: &Case) -> Result<Row, Failure> {
     let chosen = MESHERS.map(|mesher| choose(bench, case, mesher, truth));
     let [delaunay, front] = chosen;
     let chosen = [delaunay?, front?];
-    let mut own = Vec::new();
+    let mut own = [Vec::new(), Vec::new()];
     let mut others = [Vec::new(), Vec::new()];
     for _ in 0..RUNS {
-        own.push(bench.palpate_once(case, &[])?);
+        for (arguments, runs) in [&[][..], &ONLY_MEAN].into_iter().zip(&mut own) {
+            let found = bench.palpate_once(case, arguments)?;
+            runs.push((found.wall_s, error(found.core_mean_t)));
+        }
         for (setting, runs) in chosen.iter().zip(&mut others) {
             if let Some(setting) = setting {
                 runs.extend(deck(bench, case, std::slice::from_ref(setting))?);
             }
         }
     }
-    let own: Vec<(f64, f64)> = own
-        .iter()
-        .map(|found| (found.wall_s, error(found.core_mean_t)))
-        .collect();
+    let of = |runs: &[(f64, f64)]| median(runs).ok_or_else(|| Failure::refused("no run"));
     let peer = |(setting, runs): (Option<Value>, Vec<Tried>)| {
         let runs: Vec<(f64, f64)> = runs
             .iter()
@@ -89,11 +94,13 @@ fn row(bench: &PeerBench, case: &Case) -> Result<Row, Failure> {
             .collect();
         setting.zip(median(&runs))
     };
+    let [all, mean] = own;
     let [a, b] = chosen;
     let [first, second] = others;
     Ok(Row {
         case: *case,
-        ours: median(&own).ok_or_else(|| Failure::refused("no run"))?,
+        ours: of(&all)?,
+        ours_mean: of(&mean)?,
         peers: [peer((a, first)), peer((b, second))],
     })
 }
@@ -202,19 +209,22 @@ impl Row {
     fn line(&self) -> String {
         let peer = |peer: &Option<(Value, Median)>| match peer {
             Some((_, median)) => format!(
-                "{:.3} | {:.0e} | {:.2}",
+                "{:.3} | {:.0e} | {:.2} | {:.2}",
                 median.wall_s,
                 median.error,
-                self.ours.wall_s / median.wall_s
+                self.ours.wall_s / median.wall_s,
+                self.ours_mean.wall_s / median.wall_s
             ),
-            None => "not reached | | ".to_owned(),
+            None => "not reached | | | ".to_owned(),
         };
         let [delaunay, front] = &self.peers;
         format!(
-            "| {} | {:.3} | {:.0e} | {} | {} |",
+            "| {} | {:.3} | {:.0e} | {:.3} | {:.0e} | {} | {} |",
             self.case.name,
             self.ours.wall_s,
             self.ours.error,
+            self.ours_mean.wall_s,
+            self.ours_mean.error,
             peer(delaunay),
             peer(front),
         )
@@ -227,9 +237,9 @@ fn render(rows: &[Row]) -> String {
          the core. For each case and each of netgen's two ways to make triangles the quickest of some settings (order, \
          sizes) within 1e-4 of the truth is chosen, with one thread or two. Then {RUNS} runs of each program in turns, every one \
          a process of its own; medians. NGSolve without the import of its libraries; ours is the whole program from its \
-         start, without knowing the answer, with all figures and their estimates, at saturation with those per ampere and the derivatives too.\n\n\
-         | case | ours: s | error | NGSolve, Delaunay: s | error | ours / NGSolve | NGSolve, advancing front (its default): s | error | ours / NGSolve |\n\
-         |---|---|---|---|---|---|---|---|---|\n"
+         start, without knowing the answer: with all figures and their estimates, and with `--figures core_mean`; at saturation with those per ampere and the derivatives too.\n\n\
+         | case | ours: s | error | ours, mean alone: s | error | NGSolve, Delaunay: s | error | ours / NGSolve | mean alone | NGSolve, advancing front (its default): s | error | ours / NGSolve | mean alone |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
     );
     for row in rows {
         text.push_str(&row.line());
