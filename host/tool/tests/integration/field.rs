@@ -124,7 +124,7 @@ fn figures_of_a_design_as_json() {
     assert!((number(&solved, "resistance_ohm") - 0.389).abs() < 1e-3);
     assert!(number(&solved, "error_estimate") <= 1e-4);
     assert!(number(driven, "newton_iterations") <= 6.0);
-    let small = json(&["solve", "air", "--json"]);
+    let small = json(&["solve", "air", "--accuracy", "1e-5", "--json"]);
     assert!((number(&small, "centre_T_per_A") / 1012.9492e-6 - 1.0).abs() < 1e-5);
     assert!(small.get("at_current").is_none());
     // Coils in series: the total is the sum of their inductances and those of all pairs.
