@@ -221,7 +221,7 @@ impl TrainSearch<'_> {
             lasts_s,
         } = train.heat;
         within(
-            f64::from(train.choice.peak_a) <= supply_a.min(reference_limits().current_a.into()),
+            f64::from(train.choice.peak_a) <= supply_a.min(reference_limits().setpoint_a.into()),
             TrainLimit::Current,
         )?;
         within(
