@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Writes the KiCad schematic of a board from its netlist.txt; needs Python 3 alone.
+"""Writes the KiCad schematic and the list of parts of a board from its netlist.txt; needs Python 3 alone.
 
-    hardware/make.py            writes palpate-one.kicad_sch and .kicad_pro
+    hardware/make.py            writes palpate-one.kicad_sch, .kicad_pro and parts.csv
     hardware/make.py --check    fails if the files in the folder differ from what it would write
 """
+import csv
+import io
 import json
 import pathlib
 import sys
@@ -189,11 +191,30 @@ def project():
         "meta": {"filename": f"{NAME}.kicad_pro", "version": 3}}, indent=1) + "\n"
 
 
+def parts_list(netlist):
+    """What to order for one board: fitted parts, those of the same value, place and source in one row."""
+    rows = {}
+    for part in netlist.parts.values():
+        if not part.fitted or part.kind == "TP":
+            continue
+        sources = [netlist.parts[source[3:]].sources[index] if source.startswith("as ") else source
+                   for index, source in enumerate(part.sources)]
+        rows.setdefault((part.value, part.footprint.split(":")[1], *sources), []).append(part.ref)
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["references", "quantity", "value", "footprint", "first source", "second source"])
+    for (value, *rest), references in rows.items():
+        table.writerow([" ".join(references), len(references), value, *rest])
+    return out.getvalue()
+
+
 def main():
     netlist = Netlist(FOLDER / "netlist.txt")
-    files = {FOLDER / f"{NAME}.kicad_sch": Sheet(netlist).text(), FOLDER / f"{NAME}.kicad_pro": project()}
+    files = {FOLDER / f"{NAME}.kicad_sch": Sheet(netlist).text(), FOLDER / f"{NAME}.kicad_pro": project(),
+             FOLDER / "parts.csv": parts_list(netlist)}
     if "--check" in sys.argv:
-        stale = [path.name for path, text in files.items() if path.read_text(encoding="utf-8") != text]
+        stale = [path.name for path, text in files.items()
+                 if not path.exists() or path.read_text(encoding="utf-8") != text]
         sys.exit(f"run hardware/make.py, these are not of netlist.txt: {', '.join(stale)}" if stale else 0)
     for path, text in files.items():
         path.write_text(text, encoding="utf-8")

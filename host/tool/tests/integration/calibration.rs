@@ -80,6 +80,36 @@ fn a_calibration_that_ends_early_leaves_the_one_before_in_force_and_stored() {
     assert_eq!(configuration(folder, "after.jsonl"), before);
 }
 
+/// A stack file has no data of a coil's heat: those of the board, which its owner has set, guard the coil.
+#[test]
+fn a_calibration_keeps_the_data_of_its_coil_that_a_board_has() {
+    const COIL: &str = "{\"set_coil\":{\"resistance_ohm\":0.41,\"copper_capacity_j_per_k\":1.5,\
+        \"pad_capacity_j_per_k\":30.0,\"copper_to_pad_k_per_w\":0.75,\"pad_to_ambient_k_per_w\":16.0,\
+        \"current_uncertainty\":0.0}}";
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("coil.jsonl"), COIL).unwrap();
+    let import = ["settings", "import", "coil.jsonl", "--store"];
+    assert!(emulated(&import, folder).status.success());
+    let before = configuration(folder, "before.jsonl");
+    let flash = folder.join("board.flash");
+    let server = Server::start(&["--state", flash.to_str().unwrap()]);
+    let zero = script(folder, "zero", "while sleep 0.05; do echo 0; done\n");
+    let mut child = calibrate(&server, folder, &zero);
+    sleep(Duration::from_secs(4));
+    // Killed, it cannot put the stored configuration in force again.
+    child.kill().unwrap();
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("stay in force"), "{message}");
+    let board = format!("tcp:{}", server.address);
+    let export = ["settings", "export", "during.jsonl", "--board", &board];
+    assert!(palpate(&export, folder).status.success());
+    let during = fs::read_to_string(folder.join("during.jsonl")).unwrap();
+    assert_ne!(during, before, "no run has begun");
+    assert!(during.lines().any(|line| line == COIL), "{during}");
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_in_a_calibration_leaves_the_one_before_stored() {

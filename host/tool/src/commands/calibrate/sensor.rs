@@ -10,9 +10,9 @@ use palpate_calibration::{evaluate, evaluate_both};
 use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
-use palpate_wire::code::{Outcome, StorageState, Stream};
+use palpate_wire::code::{Outcome, Part, StorageState, Stream};
 use palpate_wire::command::{
-    CalibrationIdentity, ContactTolerance, Settings, TemperatureCoefficients,
+    CalibrationIdentity, Coil, ContactTolerance, GetCalibration, Settings, TemperatureCoefficients,
 };
 use palpate_wire::{Command, Message, Record, configuration_crc};
 
@@ -294,6 +294,14 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
         task.plan.springs_n_per_m.clone_from(&arguments.springs);
         task.known.spring_tolerance = arguments.spring_tolerance;
         task.temperature_c = status.temperature_c.map(f64::from);
+        if let Some(coil) = coil_in_force(link)? {
+            notice::say(format_args!(
+                "palpate: the board's own data of its coil stay in force, among them {:.3} ohm",
+                coil.resistance_ohm
+            ));
+            task.plan.coil = coil.clone();
+            task.known.coil = coil;
+        }
         task
     };
     if arguments.no_load_cell {
@@ -301,6 +309,21 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     }
     task.plan.contact = arguments.contact.plan();
     Ok(task)
+}
+
+/// Returns the data of the coil in force, by which the board guards it against heat: only its owner knows
+/// them, and a stack file has the resistance alone.
+fn coil_in_force(link: &mut Link) -> Result<Option<Coil>, Failure> {
+    let question = GetCalibration {
+        part: Part::Coil,
+        sensor: 0,
+        channel: 0,
+    };
+    let records = configuration::read_part(link, &question)?;
+    Ok(records.into_iter().find_map(|record| match record {
+        Record::Coil(coil) => Some(coil),
+        _ => None,
+    }))
 }
 
 /// Carries out the session on the simulated or the real bench.
@@ -390,8 +413,8 @@ pub(crate) fn identity(id: Option<u32>, temperature_c: f64) -> CalibrationIdenti
 }
 
 /// Puts a calibration in force; it is lost at power-off unless stored. It replaces every part of
-/// the previous calibration. The board's own parts stay: the correction of its current, and other
-/// channels.
+/// the previous calibration. The board's own parts stay: the data of its coil, the correction of its
+/// current, and other channels.
 ///
 /// # Errors
 /// If the board is gone, or refuses a part.
