@@ -76,7 +76,7 @@ fn the_self_test_through_the_carriers_bridge_finds_too_little_within_limits() {
             ];
             println!(
                 "{supply_v} V, {ohm} ohm, {henry:e} H: {resistance:.3}, {inductance:.3}, lost {:.3}",
-                found.lost
+                found.dead_time_share
             );
             assert!((0.75..1.01).contains(&resistance) && (0.80..1.02).contains(&inductance));
         }

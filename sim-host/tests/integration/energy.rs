@@ -15,7 +15,7 @@ fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32,
     let account: Account = *drive.supervisor().account();
     let load = Load {
         resistance_ohm: findings.coil.resistance_ohm,
-        lost_v: findings.coil.lost * drive.circuit.parameters.supply_v as f32,
+        lost_v: findings.coil.dead_time_share * drive.circuit.parameters.supply_v as f32,
     };
     let mut demand = EnergyDemand::new(&account, load);
     for &(to_a, over_s) in &train {
