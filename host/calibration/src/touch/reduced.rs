@@ -82,17 +82,22 @@ impl ArrayCalibration {
     }
 
     /// The Cramer-Rao bound of a press that is read with the design's noise: least variances of x, y (m),
-    /// ln F and ln a, by the whole covariance of the calibration, the radius that is known beforehand and
-    /// the bench's common errors.
+    /// ln F and ln a, by the whole covariance of the calibration, what the profile's form leaves out, the
+    /// radius that is known beforehand and the bench's common errors.
+    ///
+    /// What the form leaves out is no noise: each sensor has its own, and it is the same each time. But
+    /// neither readings nor calibration show what it is at a press, only how large it is, so an estimate
+    /// with this profile cannot do without. The creep of the layer is left out.
     ///
     /// # Errors
     /// If the readings do not determine a press.
     pub fn bound(&self, press: &KnownPress) -> Result<[f64; 4], Unusable> {
         const WHAT: Unusable = Unusable::Undetermined("a press, by this array's readings");
         let (design, point) = (&self.design, self.point(press.at()));
+        let form = self.of_form();
         let variance = |i: usize, j: usize| {
-            let own = if i == j { design.noise.powi(2) } else { 0.0 };
-            own + point.covariance[i][j]
+            let own = design.noise.powi(2) + point.variance(form, i);
+            point.covariance[i][j] + if i == j { own } else { 0.0 }
         };
         let lower = cholesky(point.readings.len(), variance).ok_or(WHAT)?;
         let mut rows = point.by_press;
@@ -125,12 +130,21 @@ impl ArrayCalibration {
         }))
     }
 
+    /// Error of a reading by what the profile's form leaves out.
+    fn of_form(&self) -> ReadingError {
+        ReadingError {
+            relative: self.form,
+            of_largest: FORM_OF_LARGEST * self.form,
+        }
+    }
+
     pub(super) fn reduced(&self) -> Result<(ReadingError, CommonError), Unusable> {
         let points = self.lattice();
         let diagonal = independent(&points);
+        let form = self.of_form();
         let with_form = |of: ReadingError| ReadingError {
-            relative: of.relative.hypot(self.form),
-            of_largest: of.of_largest.hypot(FORM_OF_LARGEST * self.form),
+            relative: of.relative.hypot(form.relative),
+            of_largest: of.of_largest.hypot(form.of_largest),
         };
         let whole = with_form(diagonal);
         let [exact, stated] = self.moved(&points, (whole, diagonal))?;

@@ -65,8 +65,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "{kept} of 2 arrays keep all limits.\n\n\
          {sensors} sensors of each array from seed {}, all disturbances, each calibrated by 50 presses on its own bench; then \
          {PRESSES} presses each by pins and balls with contacts of 1 to 5 mm. Depths of 0.15 to 0.4 mm, {rate} scans/s, one scan. `three-around-one` has an indenter declared within 5 %. \
-         Efficiency: one over the mean square of errors over the root of the Cramer-Rao bound, which has noise and the calibration's \
-         covariance.\n\n\
+         Efficiency: one over the mean square of errors over the root of the Cramer-Rao bound, which has noise, the calibration's \
+         covariance and what the form of its profile leaves out.\n\n\
          | array | limits kept | claimed | place, median and 95 % | force, RMS | radius from 2 mm, RMS | \
          95 % regions cover place, force, radius | beyond 4 sigmas | efficiency, place and force |\n\
          |---|---|---|---|---|---|---|---|---|\n{table}\n\
