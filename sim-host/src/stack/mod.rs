@@ -38,7 +38,7 @@ table! {
         actuated_spring_n_per_m = "actuated_spring_N_per_m", 10.0 to 1e8 "N/m",
             "spring constant of the actuated layer without current, c_D0";
         stiffening_at_peak = "stiffening_at_peak", 0.0 to 20.0 "",
-            "relative rise of c_D at the peak current, eps; between, it rises as B^2/(B^2 + Bc^2)";
+            "relative rise of c_D at the peak current, eps; at smaller currents the rise is proportional to B^2/(B^2 + Bc^2)";
         field_at_peak_t = "field_at_peak_T", 1e-4 to 3.0 "T",
             "flux density B in the actuated layer at the peak current";
         field_half_t = "field_half_T", 1e-3 to 10.0 "T",
