@@ -107,6 +107,8 @@ fn now_us() -> u32 {
 ///   transfer would receive it.
 /// - A request is refused, instead of left waiting, if its data may have gone to the buffer of the
 ///   previous transfer, which the host abandoned.
+/// - No buffer of endpoint 0 is withdrawn, or made available to discard a packet, while the data of the
+///   next transfer may be arriving in it: the device would wait for data that were acknowledged.
 /// - Packets start with DATA0 again where USB requires it.
 /// - The control word of a buffer that stays available is not written: that could undo a change by the
 ///   controller.
@@ -329,7 +331,7 @@ impl Bus {
         }
         // The driver arms a buffer for data that will not come.
         if control.is_in() && control.length() == 0 {
-            disarm(OUT_0);
+            disarm_without_setup();
         }
         if [SET_CONFIGURATION, SET_INTERFACE].contains(&control.request()) {
             (1..16).for_each(|index| {
@@ -420,14 +422,37 @@ fn disarm(word: usize) {
         .modify(|_, w| w.available_0().clear_bit());
 }
 
+/// Withdraws the data buffer of endpoint 0, and returns whether it was available. Returns `None` and
+/// leaves the buffer if a setup packet is waiting: the data of its transfer may be arriving there.
+#[inline(never)]
+fn disarm_without_setup() -> Option<bool> {
+    // With interrupts off, since the token of those data may follow the setup packet within 3 us.
+    cortex_m::interrupt::free(|_| {
+        if setup_waits() {
+            return None;
+        }
+        let was_armed = is_armed(OUT_0);
+        disarm(OUT_0);
+        Some(was_armed)
+    })
+}
+
 /// Withdraws the data buffer of endpoint 0, which the driver makes available again after a full packet.
-/// Returns whether it had received data; these are discarded.
+/// Returns whether it had received data; these are discarded. Leaves the buffer to the next transfer if
+/// a setup packet is waiting.
 fn withdraw_buffer() -> bool {
-    let was_armed = is_armed(OUT_0);
-    disarm(OUT_0);
-    if was_armed {
-        cortex_m::asm::delay(LONGEST_TRANSACTION);
+    match disarm_without_setup() {
+        None => return false,
+        Some(true) => cortex_m::asm::delay(LONGEST_TRANSACTION),
+        Some(false) => {}
     }
+    discard_packet()
+}
+
+/// Discards the packet in the data buffer of endpoint 0, and returns whether one has arrived. The buffer
+/// must be withdrawn, and stays so.
+#[inline(never)]
+fn discard_packet() -> bool {
     // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the
     // register that is set is cleared.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
@@ -478,18 +503,20 @@ fn take_later_setup(read: &mut [u8; 8]) {
 fn refuse_control() {
     // SAFETY: only the interrupt of USB writes these registers and the words of the buffers.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
-    for word in [IN_0, OUT_0] {
+    let refuse = |word| {
         memory
             .ep_buffer_control(word)
             .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
-    }
+    };
+    refuse(IN_0);
     // Runs with interrupts off, since the next token may follow a setup packet within a few
-    // microseconds. Checks for an earlier setup packet first, since its token may be due, and afterwards
-    // for one that arrived in between. Interrupts that a critical section does not mask may add a delay.
+    // microseconds. Checks for an earlier setup packet first, since its token may be due, or its data
+    // arriving in the buffer, and afterwards for one that arrived in between.
     cortex_m::interrupt::free(|_| {
         if setup_waits() {
             return;
         }
+        refuse(OUT_0);
         registers
             .ep_stall_arm()
             .write(|w| w.ep0_in().set_bit().ep0_out().set_bit());
@@ -591,9 +618,15 @@ impl UsbBusTrait for Bus {
         match found {
             Ok(8) if self.control().is_new => self.begin(buffer),
             Err(UsbError::BufferOverflow) => {
-                let _ = self.hal.read(address, &mut [0; 64]);
+                // The driver would make the buffer available again, and the data of the next transfer
+                // would be lost there.
+                discard_packet();
                 // No receiver for the data: `usb-device` refuses the transfer.
                 return if buffer.is_empty() { Ok(0) } else { found };
+            }
+            // The controller's write to the control word was lost in a withdrawal, only its flag remains.
+            Err(UsbError::WouldBlock) => {
+                discard_packet();
             }
             _ => {}
         }
