@@ -36,7 +36,8 @@ def test_a_changed_number_changes_the_field_and_points_are_on_the_map() -> None:
     field = palpate.field.solve("air", accuracy=1e-2)
     low, high = field.core_x_m
     [(radial_t, axial_t)] = field.at([(0.0, 0.5 * (low + high))])
-    assert axial_t == pytest.approx(field.figures["centre_T_per_A"], rel=1e-6)
+    # Figures have a solution of their own: both are within the accuracy.
+    assert axial_t == pytest.approx(field.figures["centre_T_per_A"], rel=2e-2)
     assert abs(radial_t) < 1e-9
     assert field.core_r_m == pytest.approx(8e-3)
 

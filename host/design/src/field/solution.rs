@@ -1,10 +1,12 @@
 //! A solved design, for other programs: figures, profiles, and the field at any point.
 
+use std::sync::OnceLock;
+
 use clap::Parser;
 use palpate_cli::failure::Failure;
 use palpate_field::design::Design;
 use palpate_field::geometry::Point;
-use palpate_field::solve::{FieldAt, Locator, Solved};
+use palpate_field::solve::{FieldAt, Locator, Solved, Wanted};
 use serde::Serialize;
 
 use super::drive::{Drive, reached};
@@ -18,7 +20,10 @@ pub struct Solution {
     design: Design,
     effort: Effort,
     drive: Drive,
+    /// The field that is accurate everywhere.
     solved: Solved,
+    /// The solution for the figures, once they are requested.
+    for_figures: OnceLock<Solved>,
 }
 
 /// Arguments of `palpate field solve` that select a field.
@@ -50,15 +55,26 @@ impl Solution {
             effort,
             drive,
             solved,
+            for_figures: OnceLock::new(),
         })
     }
 
-    /// Figures of the field with their errors, as `palpate field solve --json` prints them.
+    /// Figures of the field with their errors, as `palpate field solve --json` prints them: of a
+    /// solution of their own, which differs from the field at a point by the accuracy at most.
     ///
     /// # Errors
-    /// If the derivatives by the current cannot be computed.
+    /// If the accuracy is not reached, or the derivatives by the current cannot be computed.
     pub fn figures(&self) -> Result<impl Serialize + use<>, Failure> {
-        SolvedFigures::of(&self.design, &self.solved, self.drive, &Asked::default())
+        let solved = match self.for_figures.get() {
+            Some(solved) => solved,
+            None => {
+                let solved = self
+                    .drive
+                    .solve_for(&self.design, &self.effort, Wanted::Figures)?;
+                self.for_figures.get_or_init(|| solved)
+            }
+        };
+        SolvedFigures::of(&self.design, solved, self.drive, &Asked::default())
     }
 
     /// Field along a line, refined there: positions, m, and flux densities. `along` is `axis`,
@@ -79,7 +95,7 @@ impl Solution {
         Ok(line.sample(&solved, &points))
     }
 
-    /// Field at points [r, x], m, on the mesh of the figures.
+    /// Field at points [r, x], m.
     pub fn at(&self, points: &[Point]) -> Vec<FieldAt> {
         let locator = Locator::new(&self.solved.level, &self.solved.w);
         points.iter().map(|&point| locator.at(point)).collect()
