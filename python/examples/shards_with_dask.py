@@ -34,11 +34,14 @@ dask.config.set(
 
 def compute(command: list[str], file: str) -> str:
     """Computes a shard on a worker, with one thread, and returns its file."""
+    environment = {**os.environ, "RAYON_NUM_THREADS": "1"}
+    # Dask sets it for its workers. With it `palpate` returns memory all the time, which takes 3 % longer.
+    environment.pop("MALLOC_TRIM_THRESHOLD_", None)
     # A shard that has lost its worker goes on: its output must not be a pipe to that worker. The next worker waits
     # for it.
     done = subprocess.run(
         [*command, "--shard", file],
-        env={**os.environ, "RAYON_NUM_THREADS": "1"},
+        env=environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -51,18 +51,22 @@ impl Live {
         stream
     }
 
-    /// Sends a request with the token. Returns the connection and the first line of the answer.
+    /// Sends a request with the token. Returns the connection and the first line of the answer, or how it ended without.
     pub(super) fn ask(&self, path: &str, headers: &str) -> (TcpStream, String) {
+        let asked = Instant::now();
         let (mut stream, host) = (self.connect(), &self.address);
         let request = format!("GET /{}/{path} HTTP/1.1\r\nHost: {host}\r\n", self.token);
         write!(stream, "{request}{headers}\r\n").unwrap();
         let mut line = String::new();
         while !line.ends_with('\n') {
             let mut byte = [0];
-            if stream.read(&mut byte).unwrap_or(0) == 0 {
-                break;
+            match stream.read(&mut byte) {
+                Ok(1..) => line.push(byte[0].into()),
+                ended => {
+                    line = format!("{line:?}, then {ended:?} after {:?}", asked.elapsed());
+                    break;
+                }
             }
-            line.push(byte[0].into());
         }
         (stream, line)
     }
