@@ -1,8 +1,6 @@
 //! Queue of frames for a link that sends packets.
 
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-
-use heapless::spsc::{Consumer, Producer, Queue};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use super::FrameSink;
 
@@ -12,15 +10,35 @@ use super::FrameSink;
 /// discarded and counted, so that a receiver starts with a whole, recent frame.
 #[derive(Debug)]
 pub struct FrameQueue<const N: usize> {
-    bytes: Queue<u8, N>,
+    bytes: [AtomicU8; N],
     state: State,
 }
 
 #[derive(Debug)]
 struct State {
+    /// Number of bytes written so far, and of bytes read; both wrap. The sender changes the first, the
+    /// receiver the second.
+    written: AtomicU32,
+    read: AtomicU32,
     is_open: AtomicBool,
     /// Number of discarded frames; wraps. The receiver counts them.
     discarded: AtomicU32,
+}
+
+impl State {
+    /// Number of waiting bytes.
+    fn waiting(&self) -> usize {
+        let written = self.written.load(Ordering::Acquire);
+        written.wrapping_sub(self.read.load(Ordering::Acquire)) as usize
+    }
+}
+
+/// Returns the bytes from a position on, in two parts: up to the end of the queue, and those before.
+fn parts(bytes: &[AtomicU8], position: u32) -> [&[AtomicU8]; 2] {
+    // The length is a power of two.
+    let index = position as usize & bytes.len().wrapping_sub(1);
+    let (before, after) = bytes.split_at_checked(index).unwrap_or((bytes, &[]));
+    [after, before]
 }
 
 impl<const N: usize> Default for FrameQueue<N> {
@@ -30,12 +48,15 @@ impl<const N: usize> Default for FrameQueue<N> {
 }
 
 impl<const N: usize> FrameQueue<N> {
-    /// Creates an empty, closed queue.
+    /// Creates an empty, closed queue. `N` must be a power of two.
     #[must_use]
     pub const fn new() -> Self {
+        const { assert!(N.is_power_of_two()) };
         Self {
-            bytes: Queue::new(),
+            bytes: [const { AtomicU8::new(0) }; N],
             state: State {
+                written: AtomicU32::new(0),
+                read: AtomicU32::new(0),
                 is_open: AtomicBool::new(false),
                 discarded: AtomicU32::new(0),
             },
@@ -43,16 +64,16 @@ impl<const N: usize> FrameQueue<N> {
     }
 
     /// Returns both ends.
-    pub fn split(&mut self) -> (FrameSender<'_>, FrameReceiver<'_>) {
-        let (producer, consumer) = self.bytes.split();
+    pub const fn split(&mut self) -> (FrameSender<'_>, FrameReceiver<'_>) {
+        let Self { bytes, state } = self;
         let sender = FrameSender {
-            bytes: producer,
-            state: &self.state,
+            bytes,
+            state,
             discarded: 0,
         };
         let receiver = FrameReceiver {
-            bytes: consumer,
-            state: &self.state,
+            bytes,
+            state,
             on_its_way: None,
             is_unfinished: false,
             is_within_frame: false,
@@ -64,7 +85,7 @@ impl<const N: usize> FrameQueue<N> {
 
 /// Sender of frames.
 pub struct FrameSender<'a> {
-    bytes: Producer<'a, u8>,
+    bytes: &'a [AtomicU8],
     state: &'a State,
     /// Number of discarded frames already reported.
     discarded: u32,
@@ -74,18 +95,27 @@ impl FrameSender<'_> {
     /// Returns whether frames wait for the receiver.
     #[must_use]
     pub fn has_frames(&self) -> bool {
-        !self.bytes.is_empty()
+        self.state.waiting() > 0
     }
 }
 
 impl FrameSink for FrameSender<'_> {
     fn write(&mut self, frame: &[u8]) -> bool {
-        let room = self.bytes.capacity() - self.bytes.len();
-        if frame.len() > room {
+        if frame.len() > self.bytes.len().saturating_sub(self.state.waiting()) {
             return false;
         }
-        // The space for every byte of the frame was checked above.
-        frame.iter().all(|&byte| self.bytes.enqueue(byte).is_ok())
+        let written = self.state.written.load(Ordering::Relaxed);
+        let mut rest = frame;
+        for part in parts(self.bytes, written) {
+            let (now, later) = rest.split_at_checked(part.len()).unwrap_or((rest, &[]));
+            for (slot, &byte) in part.iter().zip(now) {
+                slot.store(byte, Ordering::Relaxed);
+            }
+            rest = later;
+        }
+        let written = written.wrapping_add(frame.len() as u32);
+        self.state.written.store(written, Ordering::Release);
+        true
     }
 
     fn is_open(&self) -> bool {
@@ -100,7 +130,7 @@ impl FrameSink for FrameSender<'_> {
 
 /// Receiver of packets, one at a time: the next packet is made after the PC has taken the last one.
 pub struct FrameReceiver<'a> {
-    bytes: Consumer<'a, u8>,
+    bytes: &'a [AtomicU8],
     state: &'a State,
     /// Number of frames that end in the packet in transit, if there is one.
     on_its_way: Option<u32>,
@@ -128,12 +158,34 @@ impl FrameReceiver<'_> {
         self.state.is_open.load(Ordering::Relaxed)
     }
 
+    /// Moves waiting bytes into a buffer; returns how many.
+    fn read(&mut self, buffer: &mut [u8]) -> usize {
+        let length = self.state.waiting().min(buffer.len());
+        let read = self.state.read.load(Ordering::Relaxed);
+        let mut rest = buffer.get_mut(..length).unwrap_or_default();
+        for part in parts(self.bytes, read) {
+            let part = part.get(..rest.len()).unwrap_or(part);
+            for (byte, slot) in rest.iter_mut().zip(part) {
+                *byte = slot.load(Ordering::Relaxed);
+            }
+            rest = rest.get_mut(part.len()..).unwrap_or_default();
+        }
+        let read = read.wrapping_add(length as u32);
+        self.state.read.store(read, Ordering::Release);
+        length
+    }
+
     /// Discards waiting frames. Each frame ends with its only zero byte; a frame that was partly sent
     /// counts as well.
     fn discard(&mut self) {
-        let mut frames = 0_u32;
-        while let Some(byte) = self.bytes.dequeue() {
-            frames += u32::from(byte == 0);
+        let mut frames = 0;
+        let mut buffer = [0; 16];
+        loop {
+            let length = self.read(&mut buffer);
+            frames += ends(buffer.get(..length).unwrap_or_default());
+            if length == 0 {
+                break;
+            }
         }
         self.count_discarded(frames);
     }
@@ -147,7 +199,7 @@ impl FrameReceiver<'_> {
     /// Returns whether the queue is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        !self.bytes.ready()
+        self.state.waiting() == 0
     }
 
     /// Fills the next packet and returns its length, if the PC has taken the last one and there is data
@@ -157,22 +209,16 @@ impl FrameReceiver<'_> {
         if self.on_its_way.is_some() || !self.is_open() || !is_needed {
             return None;
         }
-        let end = core::mem::take(&mut self.ends_frame).then_some(0);
-        let bytes = end
-            .into_iter()
-            .chain(core::iter::from_fn(|| self.bytes.dequeue()));
-        let (mut length, mut frames, mut last) = (0, 0, None);
-        for (slot, byte) in packet.iter_mut().zip(bytes) {
-            *slot = byte;
-            length += 1;
-            frames += u32::from(byte == 0);
-            last = Some(byte);
-        }
+        // The end of a frame whose rest was discarded is not counted: that frame was counted as discarded.
+        let end = usize::from(core::mem::take(&mut self.ends_frame));
+        packet.iter_mut().take(end).for_each(|byte| *byte = 0);
+        let length = end + self.read(packet.get_mut(end..).unwrap_or_default());
+        let frames = packet.get(end..length).unwrap_or_default();
+        self.on_its_way = Some(ends(frames));
         self.is_unfinished = length == packet.len();
-        self.is_within_frame = last.map_or(self.is_within_frame, |byte| byte != 0);
-        // The end of a frame whose rest was discarded is not counted here: the frame was counted as
-        // discarded.
-        self.on_its_way = Some(frames - u32::from(end.is_some()));
+        if let Some(&last) = packet.get(..length).and_then(<[u8]>::last) {
+            self.is_within_frame = last != 0;
+        }
         Some(length)
     }
 
@@ -187,6 +233,11 @@ impl FrameReceiver<'_> {
         self.is_unfinished = false;
         self.count_discarded(frames);
     }
+}
+
+/// Number of frames that end in some bytes.
+fn ends(bytes: &[u8]) -> u32 {
+    bytes.iter().map(|&byte| u32::from(byte == 0)).sum()
 }
 
 #[cfg(test)]
@@ -209,12 +260,14 @@ mod tests {
         let mut queue = FrameQueue::<16>::new();
         let (mut sender, mut receiver) = queue.split();
         receiver.set_open(true);
-        // A queue of 16 holds 15.
-        assert_eq!(
-            [(); 4].map(|()| sender.write(&FRAME)),
-            [true, true, true, false]
-        );
-        assert_eq!(packet(&mut receiver, 64).unwrap(), [FRAME; 3].concat());
+        for length in 1..=4 {
+            // Each round begins elsewhere in the queue.
+            let frame = FRAME.get(4 - length..).unwrap();
+            let fits = 16 / length;
+            assert!((0..fits).all(|_| sender.write(frame)));
+            assert!(!sender.write(&FRAME));
+            assert_eq!(packet(&mut receiver, 64).unwrap(), frame.repeat(fits));
+        }
         assert!(receiver.is_empty());
         assert_eq!(packet(&mut receiver, 64), None);
         assert_eq!(sender.take_discarded(), 0);
