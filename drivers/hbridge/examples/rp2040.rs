@@ -103,10 +103,11 @@ mod app {
         fn period(&mut self) {
             self.pwm.clear_interrupt();
             let first = self.adc.read_single();
-            while self.pwm.get_counter() < FULL_LEVEL - 100 {}
-            let second = self.adc.read_single();
             let is_faulty = self.fault.is_low() == Ok(true);
-            let output = self.drive.tick([first, second], is_faulty);
+            let output = self.drive.tick(is_faulty, || {
+                while self.pwm.get_counter() < FULL_LEVEL - 100 {}
+                Some([first, self.adc.read_single()])
+            });
             self.write(output.levels.in1, output.levels.in2, output.awake);
             if self.drive.account(&AVERAGES) {
                 self.write(0, 0, false);

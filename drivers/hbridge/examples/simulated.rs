@@ -50,7 +50,7 @@ impl SimulatedBoard {
     /// next period on.
     fn period(&mut self, drive: &mut Drive) {
         let count = (2048.5 + self.current_a / HARDWARE.ampere_per_count) as u16;
-        let output = drive.tick([count, count], false);
+        let output = drive.tick(false, || Some([count, count]));
         let acts = core::mem::replace(&mut self.written, output);
         if drive.account(&AVERAGES) {
             self.written = Output::OFF;

@@ -405,19 +405,32 @@ impl Drive {
         }
     }
 
-    /// Runs one period. `samples` are the period's two current samples, taken where the ripple
-    /// passes through its mean; `bridge_faults` says whether the bridge reports a fault. Returns
-    /// the bridge's inputs: its sleep input takes effect at once, the levels from the next period
-    /// on.
+    /// Runs one period. `samples` returns the period's two current samples, taken where the ripple
+    /// passes through its mean, or `None` if the converter or its DMA lost some, which latches a
+    /// fault in any state. It may wait for the second sample: it is called after the work that needs
+    /// no sample. `bridge_faults` says whether the bridge reports a fault. Returns the bridge's
+    /// inputs: its sleep input takes effect at once, the levels from the next period on.
     ///
-    /// Call it once a period, after the second sample; the levels have to be written before the
-    /// period ends. Call [`account`](Self::account) afterwards.
-    #[inline]
-    pub fn tick(&mut self, samples: [u16; 2], bridge_faults: bool) -> Output {
-        let [first, second] = samples;
+    /// Call it once a period; the levels have to be written before the period ends. Call
+    /// [`account`](Self::account) afterwards.
+    #[inline(always)]
+    pub fn tick(
+        &mut self,
+        bridge_faults: bool,
+        samples: impl FnOnce() -> Option<[u16; 2]>,
+    ) -> Output {
+        let drives = self.mode == Mode::Driving;
+        if drives {
+            self.go_on();
+        }
+        let Some([first, second]) = samples() else {
+            self.measured = 0;
+            self.latch(Fault::SamplesLost);
+            return Output::OFF;
+        };
         let (first, second) = (i32::from(first), i32::from(second));
         self.measure(first + second);
-        if self.mode != Mode::Driving || self.trips(first) || self.trips(second) || bridge_faults {
+        if !drives || self.trips(first) || self.trips(second) || bridge_faults {
             // Assigned field by field, so that the compiler keeps the fields in registers;
             // otherwise it puts the whole `Output` into memory, even on the fast path.
             let Output {
@@ -434,18 +447,9 @@ impl Drive {
         self.is_wild = false;
         Output {
             awake: true,
-            levels: self.drive(),
+            levels: self.regulate(),
             limit_low: false,
         }
-    }
-
-    /// Replaces [`tick`](Self::tick) for a period whose samples are unknown: the converter or its
-    /// DMA lost some, and the remaining ones may be out of order. Latches a fault in any state and
-    /// returns the inputs that switch the bridge off.
-    pub fn lose_samples(&mut self) -> Output {
-        self.measured = 0;
-        self.latch(Fault::SamplesLost);
-        Output::OFF
     }
 
     /// Sets the measured current from the sum of a period's two samples.
@@ -477,9 +481,9 @@ impl Drive {
         (sample - self.least) as u32 > self.range
     }
 
+    /// Returns the levels that bring the current to the setpoint, to which `go_on` has advanced.
     #[inline]
-    fn drive(&mut self) -> Levels {
-        self.go_on();
+    fn regulate(&mut self) -> Levels {
         let measured = self.measured;
         let off = self.line.now() - measured;
         if !(-NEAR..=NEAR).contains(&off) {
@@ -591,7 +595,7 @@ impl Drive {
             }
             _ => Output {
                 awake: true,
-                levels: self.drive(),
+                levels: self.regulate(),
                 limit_low: false,
             },
         }

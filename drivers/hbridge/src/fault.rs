@@ -37,7 +37,7 @@ pub enum Fault {
     /// The measured current does not follow a small change of the setpoint: the measurement is
     /// frozen.
     SenseFrozen,
-    /// Samples were lost: [`Drive::lose_samples`](crate::Drive::lose_samples).
+    /// Samples were lost: see [`Drive::tick`](crate::Drive::tick).
     SamplesLost,
     /// Self-test: resistance or inductance is too high.
     NotACoil,

@@ -183,7 +183,7 @@ impl ControlLoop {
         // A bridge may report an undervoltage until its charge pump works.
         let wakes = self.circuit.is_waking();
         let faulty = self.slow.bridge_faults || limits || wakes;
-        let mut next = self.drive.tick([first, second], faulty);
+        let mut next = self.drive.tick(faulty, || Some([first, second]));
         if self.drive.account(&self.averages) {
             next = Output::OFF;
         }

@@ -374,16 +374,14 @@ pub unsafe extern "C" fn on_period() {
         (*PWM::ptr()).intr().write(|w| w.bits(1 << CONTROL_SLICE));
     }
     let faulty = !pins::is_high(pins::BRIDGE_FAULT);
-    let _ = (0..LOOKS).any(|_| count() >= CONVERTED);
-    let [first, second] = CURRENT;
-    let samples = [result(first), result(second)];
     // SAFETY: see `ControlCell`: tasks mask this interrupt, and `run` has enabled it.
     let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
-    let output = if has_lost_results() {
-        control.drive.lose_samples()
-    } else {
-        control.drive.tick(samples, faulty)
-    };
+    let output = control.drive.tick(faulty, || {
+        let _ = (0..LOOKS).any(|_| count() >= CONVERTED);
+        let [first, second] = CURRENT;
+        let samples = [result(first), result(second)];
+        (!has_lost_results()).then_some(samples)
+    });
     control.apply(output);
     precedence::end();
     if control.drive.account(&AVERAGES) {
