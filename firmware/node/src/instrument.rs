@@ -196,7 +196,7 @@ impl Instrument {
             let [first, second] = converters;
             [chip(first), chip(second)]
         });
-        self.procedure = Some(Procedure::new(board(identity, chips)));
+        Procedure::new_in(&mut self.procedure, board(identity, chips));
     }
 
     // ---- events ----

@@ -272,7 +272,7 @@ mod tests {
         let points = knots.map(|change: f32| (change, 4.9e-3 * change * (1.0 - 2.2 * change)));
         ChannelCalibration {
             curve: Some(Curve::new(&points).unwrap()),
-            ..ChannelCalibration::default()
+            ..ChannelCalibration::none()
         }
     }
 

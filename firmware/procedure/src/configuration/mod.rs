@@ -61,7 +61,7 @@ pub struct Configuration {
 }
 
 /// Calibration of one channel of one converter.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct ChannelCalibration {
     pub(crate) tank: Option<Tank>,
     /// Deformation as a function of the relative change of inductance.
@@ -136,12 +136,29 @@ pub const DEFAULT_SETTINGS: Settings = Settings {
     greatest_energy_j: 40.0,
 };
 
+impl ChannelCalibration {
+    /// No calibration.
+    #[inline(always)]
+    pub(crate) const fn none() -> Self {
+        Self {
+            tank: None,
+            curve: None,
+            crosstalk: None,
+        }
+    }
+}
+
 impl Default for Configuration {
+    // Inlined: the compiler then writes the fields to their place. As a value of its own, a configuration
+    // takes five kilobytes of stack.
+    #[inline(always)]
     fn default() -> Self {
+        let none = ChannelCalibration::none;
+        let four = || [none(), none(), none(), none()];
         Self {
             settings: DEFAULT_SETTINGS,
             settings_are_set: false,
-            channels: Default::default(),
+            channels: [four(), four()],
             springs: None,
             stiffening: None,
             coil: None,
@@ -161,24 +178,33 @@ impl Default for Configuration {
 
 impl Configuration {
     /// Creates the default settings, within the board's limits, without a calibration.
+    #[cfg(test)]
     pub(crate) fn new(board: &BoardInfo) -> Self {
+        let mut configuration = Self::default();
+        configuration.limit_to(board);
+        configuration
+    }
+
+    /// Returns to the default settings, within the board's limits, without a calibration.
+    pub(crate) fn reset(&mut self, board: &BoardInfo) {
+        *self = Self::default();
+        self.limit_to(board);
+    }
+
+    /// Limits the default settings to those of the board.
+    pub(crate) fn limit_to(&mut self, board: &BoardInfo) {
         let limits = &board.limits;
         let [first, _] = board.channels;
-        let defaults = DEFAULT_SETTINGS;
-        let lowest = 1u8.checked_shl(first.trailing_zeros());
-        let mut configuration = Self {
-            settings: Settings {
-                channels: lowest.unwrap_or(defaults.channels),
-                rate_hz: defaults.rate_hz.min(limits.rate.0),
-                peak_current_a: defaults.peak_current_a.min(limits.current.0),
-                greatest_temperature_c: defaults.greatest_temperature_c.min(limits.temperature.0),
-                greatest_energy_j: defaults.greatest_energy_j.min(limits.energy_j),
-                ..defaults
-            },
-            ..Self::default()
-        };
-        configuration.seal_all();
-        configuration
+        let settings = &mut self.settings;
+        if let Some(lowest) = 1u8.checked_shl(first.trailing_zeros()) {
+            settings.channels = lowest;
+        }
+        settings.rate_hz = settings.rate_hz.min(limits.rate.0);
+        settings.peak_current_a = settings.peak_current_a.min(limits.current.0);
+        let greatest_c = limits.temperature.0;
+        settings.greatest_temperature_c = settings.greatest_temperature_c.min(greatest_c);
+        settings.greatest_energy_j = settings.greatest_energy_j.min(limits.energy_j);
+        self.seal_all();
     }
 
     /// Returns the settings.

@@ -120,8 +120,21 @@ struct Counters {
 impl Procedure {
     /// Creates an instrument at start-up, with default settings and no calibration.
     pub fn new(board: BoardInfo) -> Self {
-        let mut procedure = Self {
-            configuration: Configuration::new(&board),
+        let mut procedure = Self::blank(board);
+        procedure.prepare();
+        procedure
+    }
+
+    /// As [`new`](Self::new), in its place: as a value of its own, it takes eleven kilobytes of stack.
+    pub fn new_in(place: &mut Option<Self>, board: BoardInfo) {
+        place.insert(Self::blank(board)).prepare();
+    }
+
+    // Inlined: the compiler then writes the fields to their place.
+    #[inline(always)]
+    fn blank(board: BoardInfo) -> Self {
+        Self {
+            configuration: Configuration::default(),
             board,
             phase: Phase::SelfTest { good: 0 },
             mode: Mode::SensingOnly,
@@ -150,9 +163,12 @@ impl Procedure {
             flagged_since: FlaggedSince::default(),
             behind: heapless::Vec::new(),
             next_check: (0, Instant::from_ticks(0)),
-        };
-        procedure.begin_baseline();
-        procedure
+        }
+    }
+
+    fn prepare(&mut self) {
+        self.configuration.limit_to(&self.board);
+        self.begin_baseline();
     }
 
     /// Returns the active settings and calibration.
@@ -522,9 +538,17 @@ impl Procedure {
     }
 
     /// Enters another phase and reports it.
+    // Inlined: the compiler then writes the phase to its place. A phase takes up to two kilobytes of
+    // stack as an argument.
+    #[inline(always)]
     fn go(&mut self, phase: Phase, out: &mut Out<'_>) {
         let previous = self.state();
         self.phase = phase;
+        self.entered(previous, out);
+    }
+
+    #[inline(never)]
+    fn entered(&self, previous: State, out: &mut Out<'_>) {
         if self.state() != previous {
             self.announce(previous, out);
         }

@@ -13,7 +13,7 @@ use super::state::{Storage, Work};
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::board::MOST_CRASHES;
-use crate::configuration::{Configuration, Cursor};
+use crate::configuration::Cursor;
 use crate::event::Failure;
 use crate::list::gathered;
 use crate::storage::{StorageFailure, StorageOrder, StorageReport};
@@ -123,7 +123,7 @@ impl Procedure {
             }
             StorageReport::Item(command) => {
                 if !core::mem::replace(&mut work.has_items, true) {
-                    self.configuration = Configuration::new(&self.board);
+                    self.configuration.reset(&self.board);
                     self.storage.refused = 0;
                 }
                 let outcome = self.configuration.set(command, &self.board);
@@ -156,7 +156,7 @@ impl Procedure {
     /// could not be read, applies the default configuration.
     fn loaded(&mut self, failure: Option<StorageFailure>, out: &mut Out<'_>) {
         if failure.is_some() {
-            self.configuration = Configuration::new(&self.board);
+            self.configuration.reset(&self.board);
         }
         self.follow_heat();
         let correction = self.configuration.current_correction().cloned();
