@@ -31,6 +31,8 @@ pub struct Zero {
     noise: f32,
     /// Time since the start of the touch, s.
     elapsed: f32,
+    /// Fall of the zero within that time, m.
+    fall: f32,
 }
 
 /// Largest rate at which the temperature changes in a heated room and on the board of a coil in
@@ -62,14 +64,15 @@ impl Zero {
         } else {
             rate * interval.0 * baseline.readings() as f32
         };
-        Self {
+        let mut zero = Self {
             start,
             left,
             rate,
             noise: baseline.standard_error(watch.sigma).0,
-            elapsed,
             ..Self::at_rest(watch)
-        }
+        };
+        zero.advance(Second(elapsed));
+        zero
     }
 
     /// The zero of a touch that was present before there was a baseline: the rest.
@@ -83,6 +86,12 @@ impl Zero {
 
     pub(super) fn advance(&mut self, interval: Second) {
         self.elapsed += interval.0;
+        let way = self.rate * self.elapsed;
+        self.fall = if self.left > 0.0 {
+            self.left * way / (self.left + way)
+        } else {
+            0.0
+        };
     }
 
     pub(super) fn shift(&mut self, zero: Metre) {
@@ -96,29 +105,20 @@ impl Zero {
 
     /// The current zero.
     pub fn value(&self) -> Metre {
-        self.start - Metre(self.fall())
-    }
-
-    fn fall(&self) -> f32 {
-        let way = self.rate * self.elapsed;
-        if self.left > 0.0 {
-            self.left * way / (self.left + way)
-        } else {
-            0.0
-        }
+        self.start - Metre(self.fall)
     }
 
     /// Standard uncertainty of the zero's fall since the start of the touch: half of the fall. A
     /// recovery whose time constants are decades apart may have all but stopped, so the whole fall
     /// counts as two standard uncertainties.
     pub(super) fn of_fall(&self) -> Metre {
-        Metre(0.5 * self.fall())
+        Metre(0.5 * self.fall)
     }
 
     /// Variance of the zero, m^2.
     pub fn variance_m2(&self) -> f32 {
         let to_the_rest = if self.rest_is_known {
-            (self.left - self.fall()) / NORMAL_975
+            (self.left - self.fall) / NORMAL_975
         } else {
             0.0
         };
