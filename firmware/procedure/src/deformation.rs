@@ -246,7 +246,8 @@ fn watch(settings: &Settings) -> Watch {
 
 /// Removes the reading a I^2 (1 + g x) that the current I causes at deformation x; a, g: `crosstalk`.
 fn without_crosstalk(apparent: Metre, square_a2: Option<f32>, crosstalk: &Crosstalk) -> Metre {
-    let Some(square_a2) = square_a2 else {
+    // Without current there is nothing to remove, and a division takes 150 cycles.
+    let Some(square_a2) = square_a2.filter(|square_a2| *square_a2 != 0.0) else {
         return apparent;
     };
     let untouched_m = crosstalk.apparent_m_per_a2 * square_a2;
