@@ -16,9 +16,10 @@ use std::process::Command;
 /// everything except the storage continues to run.
 ///
 /// The start-up code, which has ended before any flash is erased, and the storage, which waits for each
-/// erase, stay in flash; so do the estimate of a touch and the setting of parts of the configuration, which
-/// the procedure runs only while the storage is idle. The functions that these two call are in RAM unless the linker script below
-/// selects them by name.
+/// erase, stay in flash; so does what the procedure runs only while the storage is idle
+/// (`Procedure::can_read_flash`) or while the coil is armed, which excludes the storage: the estimate of a
+/// touch, the setting of parts of the configuration, and what a train needs a few times. The functions
+/// that these call are in RAM unless the linker script below selects them by name.
 ///
 /// Code that relies on the time between two instructions must also be in RAM, in a function of its
 /// own that is never inlined into one in flash. `CODE_SHIFT` shifts all code by that many bytes;
@@ -44,11 +45,40 @@ SECTIONS {
         *(.text.*palpate_storage*);
         *(.text.*palpate_node7storage* .text.*palpate_node..storage*);
         *(.text.*palpate_firmware5tasks7storage*);
+        *(.text.*palpate_procedure..storage..StorageOrder*5clone*);
+        *(.text.*palpate_procedure7machine7storage*16storage_reported*);
         *(.text.*palpate_model5touch* .text.*palpate_model..touch*);
         *(.text.*palpate_procedure5touch* .text.*palpate_procedure..touch*);
         *(.text.*palpate_procedure13configuration13Configuration3set*);
+        *(.text.*palpate_procedure13configuration13Configuration5reset*);
+        *(.text.*palpate_procedure13configuration6law_of*);
         *(.text.*palpate_model17calibration_curve22MonotoneCurve*3new*);
+        *(.text.*palpate_model17calibration_curve*_slope*);
         *(.text.*palpate_node10instrument10Instrument4make*);
+        *(.text.*usb_device3bus*UsbBusAllocator*5alloc* .text.*UsbBus*8alloc_ep*);
+        *(.text.*palpate_procedure7machine6budget*14may_take_train*);
+        *(.text.*palpate_procedure7machine6budget*7account17*);
+        *(.text.*palpate_procedure7machine6budget*7load_at*);
+        *(.text.*palpate_procedure7machine4coil*5begin17* .text.*palpate_procedure7machine4coil*11coil_tested*);
+        *(.text.*palpate_procedure7machine6phases*17begin_measurement*);
+        *(.text.*palpate_procedure7machine8commands*6change*);
+        *(.text.*palpate_procedure7machine9Procedure11follow_heat* .text.*palpate_procedure7machine9Procedure14begin_baseline*);
+        *(.text.*palpate_procedure13configuration13Configuration7deepest* .text.*palpate_procedure13configuration13Configuration8limit_to*);
+        *(.text.*palpate_procedure11measurement11Measurement10begin_sums*);
+        *(.text.*palpate_node4coil*CoilManager*6follow17* .text.*palpate_node4coil*CoilManager*4test17* .text.*palpate_node4coil*CoilManager*7correct17*);
+        *(.text.*palpate_procedure4heat4Heat8forecast* .text.*palpate_procedure4heat4Heat6wait_s*);
+        *(.text.*palpate_procedure11measurement10TrainDrive5start*);
+        *(.text.*palpate_procedure7machine6phases*10progressed*);
+        *(.text.*palpate_procedure11measurement8interval*);
+        *(.text.*palpate_procedure11measurement5ramps5Ramps12close_single*);
+        *(.text.*palpate_model4ramp4Ramp5solve* .text.*palpate_model4ramp4Ramp9fit_first*);
+        *(.text.*palpate_model4ramp3fit* .text.*palpate_model4ramp5basis*);
+        *(.text.*palpate_model4ramp8interval* .text.*palpate_model4ramp6misfit*);
+        *(.text.*palpate_model4ramp7moments5Sweep* .text.*palpate_model..math..wide..Wide*3div*);
+        *(.text.*palpate_model11uncertainty* .text.*palpate_model4math7student*);
+        *(.text.*coil_hbridge6energy12EnergyDemand* .text.*coil_hbridge6energy7Account6wait_s*);
+        *(.text.*coil_hbridge10supervisor10Supervisor4test*);
+        *(.text.*coil_hbridge12current_line11CurrentLine5check*);
     } > FLASH
 } INSERT BEFORE .text;
 SECTIONS {

@@ -108,6 +108,7 @@ impl<H: CoilHardware> CoilManager<H> {
 
     /// Lets the current follow a line. Ignores the line while a failure is latched: the procedure may have
     /// made its request before it received the failure.
+    #[inline(never)]
     pub fn follow(&mut self, line: &CurrentLine) {
         if self.failure.is_some() {
             return;
@@ -126,6 +127,7 @@ impl<H: CoilHardware> CoilManager<H> {
     }
 
     /// Tests bridge, coil and current measurement, unless a failure is latched.
+    #[inline(never)]
     pub fn test(&mut self) {
         if self.failure.is_some() {
             return;
@@ -151,6 +153,7 @@ impl<H: CoilHardware> CoilManager<H> {
     }
 
     /// Corrects the measured current from now on.
+    #[inline(never)]
     pub fn correct(&mut self, correction: &CurrentCorrection) {
         let mut pairs = heapless::Vec::<[f32; 2], MAX_POINTS>::new();
         for (measured_a, change_a) in correction.points() {

@@ -107,6 +107,7 @@ impl Procedure {
     }
 
     /// Ends the test: the waiting command starts if it is still allowed.
+    #[inline(never)]
     pub(super) fn coil_tested(&mut self, found: &CoilTest, out: &mut Out<'_>) {
         let CoilTestState::Testing(begun) = self.coil else {
             // This is the result of a test that was stopped, so it is ignored.

@@ -148,7 +148,7 @@ impl Procedure {
         if matches!(self.phase, Phase::Fault(_)) {
             return Outcome::Faulted;
         }
-        if self.is_occupied() {
+        if self.is_occupied() || !self.can_read_flash() {
             return Outcome::Busy;
         }
         if !self.board.coil {
@@ -201,9 +201,14 @@ impl Procedure {
         if self.armed {
             return Outcome::Armed.into();
         }
-        if self.is_occupied() {
+        if self.is_occupied() || !self.can_read_flash() {
             return Outcome::Busy.into();
         }
+        self.change(command, out)
+    }
+
+    #[inline(never)]
+    fn change(&mut self, command: &Command, out: &mut Out<'_>) -> Answer {
         let Some(answer) = self.configuration.set(command, &self.board) else {
             return Outcome::UnknownCommand.into();
         };

@@ -221,6 +221,7 @@ impl Procedure {
         }
     }
 
+    #[inline(never)]
     fn begin_measurement(&mut self, press: (Instant, Level), out: &mut Out<'_>) {
         if !self.check_all(out) {
             return;
@@ -259,13 +260,19 @@ impl Procedure {
         out.push(Action::Current(line));
     }
 
+    // Inlined: what usually follows a conversion, nothing, is then in RAM, and the rest in flash.
+    #[inline(always)]
     fn progress(&mut self, progress: Progress, out: &mut Out<'_>) {
+        if !matches!(progress, Progress::On(None)) {
+            self.progressed(progress, out);
+        }
+    }
+
+    #[inline(never)]
+    fn progressed(&mut self, progress: Progress, out: &mut Out<'_>) {
         match progress {
-            Progress::On(line) => {
-                if let Some(line) = line {
-                    out.push(Action::Current(line));
-                }
-            }
+            Progress::On(None) => {}
+            Progress::On(Some(line)) => out.push(Action::Current(line)),
             Progress::Done => self.conclude(out),
             Progress::Refused(reason) => self.refuse(reason, out),
             Progress::Failed(failure) => self.fail(failure, out),
@@ -374,6 +381,7 @@ impl Procedure {
         self.watch_test(out);
         let is_testing = matches!(self.coil, CoilTestState::Testing(_));
         let before = self.state();
+        let can_read_flash = self.can_read_flash();
         match &mut self.phase {
             // A test of the coil has its own deadline.
             Phase::Settling(_) if is_testing => {}
@@ -401,7 +409,7 @@ impl Procedure {
                 let progress = drive.tick(out.now, out.converted);
                 self.driven(progress, before, out);
             }
-            Phase::Reporting { .. } => self.report_point(out),
+            Phase::Reporting { .. } if can_read_flash => self.report_point(out),
             Phase::Manual(_) => self.watch_manual(out),
             _ => {}
         }

@@ -285,6 +285,8 @@ pub(super) struct Storage {
     /// Number of stored items that the board refused when they were loaded.
     pub(super) refused: u16,
     pub(super) work: Option<Work>,
+    /// An operation did not end: the flash may be unreadable until a restart.
+    pub(super) is_abandoned: bool,
 }
 
 /// Operation in progress and its start.
@@ -304,6 +306,7 @@ impl Storage {
             stored: Stored::UNAVAILABLE,
             refused: 0,
             work: None,
+            is_abandoned: false,
         }
     }
 

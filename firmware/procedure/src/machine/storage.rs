@@ -101,11 +101,10 @@ impl Procedure {
     }
 
     /// Returns whether flash can be read: it is not being erased or programmed, and no operation that
-    /// might do so was abandoned.
-    pub(super) fn can_read_flash(&self) -> bool {
-        let Storage { stored, work, .. } = &self.storage;
-        let is_given_up = self.board.storage && stored.state == StorageState::Unavailable;
-        work.is_none() && !is_given_up
+    /// might do so was abandoned. Code that sets the configuration, drives the coil or computes an
+    /// estimate may be in flash (`firmware/build.rs`).
+    pub(super) const fn can_read_flash(&self) -> bool {
+        !(self.storage.is_at_work() || self.storage.is_abandoned)
     }
 
     /// Handles a report of the storage. Reports of an abandoned operation are ignored.
@@ -199,7 +198,10 @@ impl Procedure {
         if takes <= longest {
             return;
         }
-        self.storage = Storage::new();
+        self.storage = Storage {
+            is_abandoned: true,
+            ..Storage::new()
+        };
         if !self.greeted {
             self.greet(out);
         }

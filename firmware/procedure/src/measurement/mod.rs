@@ -342,17 +342,11 @@ impl Measurement {
         (ramp, current): (u8, Ampere),
         settings: &Settings,
     ) {
-        let law = &self.calibrated.law;
         let origin = self.drive.origin();
         if self.ramps.is_none() {
-            self.zero = ZeroAtTrain::of(deformation);
-            let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
-            let actuated_ratio = law.reference_ratio(sensing);
-            let since_touch = seconds(self.touched, origin);
-            let drift = ramps::drift(settings, since_touch, self.drive.train.profile());
-            let pressed = deformation.value - self.zero.creep;
-            self.ramps = Ramps::new(pressed, actuated_ratio, drift);
+            self.begin_sums(deformation, origin, settings);
         }
+        let law = &self.calibrated.law;
         let Some(ramps) = &mut self.ramps else {
             return;
         };
@@ -371,6 +365,20 @@ impl Measurement {
         if ramp == 0 {
             self.two_states.push(pressed, actuated);
         }
+    }
+}
+
+impl Measurement {
+    /// Starts the sums at the first sample.
+    #[inline(never)]
+    fn begin_sums(&mut self, deformation: &Deformation, origin: Instant, settings: &Settings) {
+        self.zero = ZeroAtTrain::of(deformation);
+        let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
+        let actuated_ratio = self.calibrated.law.reference_ratio(sensing);
+        let since_touch = seconds(self.touched, origin);
+        let drift = ramps::drift(settings, since_touch, self.drive.train.profile());
+        let pressed = deformation.value - self.zero.creep;
+        self.ramps = Ramps::new(pressed, actuated_ratio, drift);
     }
 }
 

@@ -8,7 +8,9 @@ use palpate_procedure::{Action, Event, Instant, Link, Procedure};
 use palpate_wire::code::{
     FaultCode, Location, Outcome, Part, RebootTarget, State, StorageAction, StorageState,
 };
-use palpate_wire::command::{CalibrationIdentity, GetCalibration, Locate, Reboot, Settings};
+use palpate_wire::command::{
+    CalibrationIdentity, ClearFault, GetCalibration, Locate, Reboot, Settings,
+};
 use palpate_wire::record::{Acknowledgement, Fault, Hello, Storage};
 use palpate_wire::{Command, Record, configuration_crc};
 
@@ -458,7 +460,7 @@ fn a_start_does_not_wait_for_a_storage_that_is_silent() {
 }
 
 #[test]
-fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
+fn a_save_that_does_not_end_is_a_fault_after_which_only_a_restart_helps() {
     let mut desk = Desk::new(&[]).begun();
     desk.all_accepted(&configured(500.0, 1));
     desk.is_dead = true;
@@ -476,10 +478,13 @@ fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
         desk.faults()
             .contains(&(FaultCode::Overrun, Location::Storage))
     );
-    assert_eq!(
-        desk.send(Command::SetSettings(DEFAULT_SETTINGS)),
-        Outcome::Accepted
-    );
+    let code = FaultCode::Overrun;
+    desk.accepted(Command::ClearFault(ClearFault { code }));
+    // The flash may still be written to, and what sets or drives runs from it.
+    for command in [Command::SetSettings(DEFAULT_SETTINGS), Command::Arm] {
+        assert_eq!(desk.send(command), Outcome::Busy);
+    }
+    desk.accepted(reboot(RebootTarget::Firmware));
 }
 
 /// The stored configuration may be the cause of the crashes, so it is not loaded.

@@ -1,4 +1,4 @@
-//! Assembly versions of two routines that the compiler calls often: a memory copy that moves four words
+//! Assembly versions of routines that the compiler calls: a memory copy that moves four words
 //! at a time where it is aligned, and the 64-bit product on which wide arithmetic is based. Each took a
 //! tenth of the processor's time.
 
@@ -68,6 +68,32 @@ core::arch::global_asm!(
     "subs r2, #4",
     "bhs 8b",
     "b 4b",
+    // Copies from the end if the destination begins within the source. Seldom used: byte by byte.
+    ".global memmove",
+    ".global __aeabi_memmove",
+    ".global __aeabi_memmove4",
+    ".global __aeabi_memmove8",
+    ".type memmove, %function",
+    ".type __aeabi_memmove, %function",
+    ".type __aeabi_memmove4, %function",
+    ".type __aeabi_memmove8, %function",
+    ".thumb_func",
+    "memmove:",
+    ".thumb_func",
+    "__aeabi_memmove:",
+    ".thumb_func",
+    "__aeabi_memmove4:",
+    ".thumb_func",
+    "__aeabi_memmove8:",
+    "subs r3, r0, r1",
+    "cmp r3, r2",
+    "bhs memcpy",
+    "9: subs r2, #1",
+    "blo 10f",
+    "ldrb r3, [r1, r2]",
+    "strb r3, [r0, r2]",
+    "b 9b",
+    "10: bx lr",
     ".text",
 );
 
