@@ -12,7 +12,7 @@
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
 
-use super::adjustment::{LEAST_SCATTER, of_signal};
+use super::adjustment::{LEAST_SCATTER, of_signal, scattered};
 use super::claim::LOADS;
 use super::temperature::brought_to;
 use super::terms::terms;
@@ -139,7 +139,7 @@ impl Filter {
         // removed. A train scatters by `least` at least.
         let of_train = press.standard_error.powi(2) - open.variance(press.load_ratio, read_whole);
         let of_train = of_train * (whole / read_whole).powi(2);
-        let least = (LEAST_SCATTER * whole).powi(2);
+        let least = scattered(LEAST_SCATTER, kappa, ratio).powi(2);
         let of_spring = (kappa * press.tolerance).powi(2) / 3.0;
         let own = of_train.max(least) + of_spring;
         let variance = open.variance(kappa, whole) + own;

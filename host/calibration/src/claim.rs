@@ -1,6 +1,6 @@
 //! Uncertainty of a load that the calibration leaves.
 
-use super::adjustment::{Adjusted, Changes, QUANTITIES};
+use super::adjustment::{Adjusted, Changes, QUANTITIES, scattered};
 use super::line::Bend;
 use super::terms::terms;
 use super::{Known, Unusable};
@@ -143,16 +143,13 @@ impl RemainingVariance<'_> {
 
     /// Variance of kappa by the errors of a single train.
     fn of_train(&self, kappa: f64) -> f64 {
-        (self.adjusted.scatter * self.whole(kappa)).powi(2)
+        let ratio = self.adjusted.layer.actuated.ratio;
+        scattered(self.adjusted.scatter, kappa, ratio).powi(2)
     }
 
     fn of_bench(&self, kappa: f64) -> f64 {
         let constant = self.bench.frame_m_per_n * self.sensing_n_per_m;
         constant.powi(2) + (self.bench.force * kappa).powi(2)
-    }
-
-    fn whole(&self, kappa: f64) -> f64 {
-        1.0 + kappa + self.adjusted.layer.actuated.ratio
     }
 }
 

@@ -17,7 +17,7 @@ use palpate_wire::Command;
 use palpate_wire::command::ContactTolerance;
 
 use super::actuated::Train;
-use super::adjustment::{Adjusted, Layer};
+use super::adjustment::{Adjusted, Layer, scattered};
 use super::claim::{LOADS, Uncertainty};
 use super::curve::PressCurve;
 use super::line::mean_m;
@@ -74,13 +74,15 @@ pub(crate) fn effect(
     // Of two tilted presses the larger shift counts: from two values, Student's factor would be 13.
     let greatest_m = shifts_m.iter().copied().fold(0.0, f64::max);
     let [place, tilt] = root_mean_squares(at_rim, greatest_m / layer.depth_m);
+    let ratio = layer.actuated.ratio;
+    let of_block = scattered(adjusted.scatter, 0.0, ratio) / (1.0 + ratio);
     if effect.within_m > 0.0 {
         // The scatter of the train in the centre is common to all places.
-        let scatter = adjusted.scatter.hypot(OF_FOUR * spread);
+        let scatter = of_block.hypot(OF_FOUR * spread);
         effect.signal_uncertainty = place.hypot(scatter);
     }
     if effect.tilt_rad > 0.0 {
-        let scatter = 2_f64.sqrt() * adjusted.scatter;
+        let scatter = 2_f64.sqrt() * of_block;
         effect.zero_uncertainty_m = layer.depth_m * tilt.hypot(scatter);
     }
     Ok((effect != ContactEffect::default()).then_some(effect))

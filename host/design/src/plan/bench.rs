@@ -13,9 +13,9 @@ use super::information::Information;
 use super::line::TrainLine;
 use super::sensor::PlannedSensor;
 
-/// Standard deviation of a train's kappa, relative to W, by the creep and memory that remain after
-/// the fit of the drifts. On 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15
-/// to 0.2 % of W about the adjusted line, including noise and vibration
+/// Standard deviation of the kappa of a train on a load of c_S, relative to W, by the creep and memory
+/// that remain after the fit of the drifts; it grows with W^2. On 31 simulated sensors of the design
+/// `ultrasoft` trains without noise and vibration scatter by 0.15 % of W on that load
 /// (docs/decisions/0082-adjustment.md).
 pub(super) const CREEP: f64 = 0.0015;
 /// Prior standard deviation of c_D0, stiffening and attraction, in the units of this module. It is
@@ -191,7 +191,7 @@ pub(super) fn of_train(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> 
     [
         square * square * line.conversions,
         square * line.vibration,
-        square * CREEP * CREEP,
+        (square * CREEP / sensor.whole(1.0)).powi(2),
     ]
 }
 
