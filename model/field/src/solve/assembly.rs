@@ -75,23 +75,22 @@ impl Local {
         }
     }
 
-    /// Adds the residual at `w`, computed from the residual at w = 0 and a tangent that does not
-    /// depend on the field.
-    pub(super) fn residual_at(&self, unknowns: &[u32], w: &[f64], residual: &mut Vec<f64>) {
-        residual.clone_from(&self.residual);
-        let value = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
-        let mut tangent = self.tangent.iter();
-        for (i, row) in unknowns.iter().map(value).enumerate() {
-            for (j, column) in unknowns.iter().map(value).enumerate().take(i + 1) {
-                let entry = tangent.next().copied().unwrap_or(0.0);
-                if let Some(residual) = residual.get_mut(i) {
-                    *residual += entry * column;
-                }
-                if j < i
-                    && let Some(residual) = residual.get_mut(j)
-                {
-                    *residual += entry * row;
-                }
+}
+
+/// Adds the product of a tangent and `w` to a residual.
+pub(super) fn add_product(tangent: &[f64], unknowns: &[u32], w: &[f64], residual: &mut [f64]) {
+    let value = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
+    let mut tangent = tangent.iter();
+    for (i, row) in unknowns.iter().map(value).enumerate() {
+        for (j, column) in unknowns.iter().map(value).enumerate().take(i + 1) {
+            let entry = tangent.next().copied().unwrap_or(0.0);
+            if let Some(residual) = residual.get_mut(i) {
+                *residual += entry * column;
+            }
+            if j < i
+                && let Some(residual) = residual.get_mut(j)
+            {
+                *residual += entry * row;
             }
         }
     }
@@ -157,6 +156,13 @@ impl Level {
         (material, [b[0], b[1] - remanence_t])
     }
 
+    /// Reluctivity of a region of linear material without remanence or background field; `None` for
+    /// other regions.
+    fn nu_without_field(&self, region: usize) -> Option<f64> {
+        let (material, excess) = self.law_at(region, [0.0, self.background_t]);
+        (material.is_linear() && excess == [0.0; 2]).then(|| material.reluctivity(0.0).nu)
+    }
+
     /// Calls `visit` at every point of integration inside the circle.
     pub fn visit(&self, w: &[f64], visit: impl FnMut(&At<'_>)) {
         self.visit_where(w, |_| true, visit);
@@ -207,17 +213,24 @@ impl Level {
             return;
         };
         out.residual.fill(0.0);
-        out.tangent.fill(0.0);
         let exterior = space.mesh.region(triangle).exterior;
         let region = triangle.region as usize;
         let current = self.currents_a_per_m2.get(region).copied().unwrap_or(0.0);
-        let linear = self.materials.get(region).is_none_or(Material::is_linear);
-        let samples = if linear && space.is_straight(index) {
-            &space.few_samples
-        } else {
-            &space.samples
-        };
-        for (sample, weight) in samples {
+        if !out.tangent.is_empty()
+            && space.is_straight(index)
+            && let Some(nu) = self.nu_without_field(region)
+        {
+            let corners = space.mesh.corners_of(triangle);
+            let tangent = &mut out.tangent;
+            (space.reference).tangent(corners, nu, exterior, tangent);
+            if current != 0.0 {
+                (space.reference).subtract_current(corners, current, &mut out.residual);
+            }
+            add_product(tangent, unknowns, w, &mut out.residual);
+            return;
+        }
+        out.tangent.fill(0.0);
+        for (sample, weight) in &space.samples {
             space.place(index, sample, placed);
             let r = placed.point[0];
             let area = 0.5 * placed.jacobian.abs() * weight;

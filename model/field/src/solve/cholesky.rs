@@ -44,7 +44,8 @@ pub(super) struct Dissection {
 
 /// A dense matrix in which some unknowns are eliminated.
 struct Front {
-    /// Numbers of the unknowns: first those eliminated here, then those of the boundary.
+    /// Numbers of the unknowns in their order of elimination: first those eliminated here, then those
+    /// of the boundary.
     unknowns: Vec<u32>,
     /// Number of unknowns eliminated here.
     pivots: usize,
@@ -55,13 +56,16 @@ struct Front {
 /// A matrix that is one term of a front.
 struct Term {
     source: Source,
-    /// Positions in the front of the matrix's rows and columns.
+    /// Positions in the front of the matrix's rows and columns; ascending for the boundary of another
+    /// front.
     places: Vec<usize>,
 }
 
+#[derive(Clone, Copy)]
 enum Source {
-    /// An element. The lower half of its matrix starts at this index among all entries, row by row.
-    Element(usize),
+    /// An element, by its index. The lower half of its matrix starts at `start` among all entries, row
+    /// by row.
+    Element { index: usize, start: usize },
     /// The matrix that another front leaves on its boundary, column by column.
     Front(usize),
 }
@@ -89,13 +93,14 @@ impl Dissection {
             for &number in element.unknowns {
                 builder.at(number, |unknown| unknown.uses += 1);
             }
-            all.push((element, start));
+            let index = all.len();
+            all.push((element, Source::Element { index, start }));
             start += element.entries();
         }
         builder.dissect(&mut all);
-        Self {
-            fronts: builder.fronts,
-        }
+        let mut fronts = builder.fronts;
+        order(&mut fronts, elements, unknowns);
+        Self { fronts }
     }
 
     /// Factors the matrix with the given entries: the lower halves of the elements' matrices, row
@@ -137,14 +142,28 @@ impl Dissection {
                 if let Some(([pivot, rest @ ..], [diagonal, column @ ..])) =
                     local.get_mut(k..).zip(column.get(k..))
                 {
-                    let sum: T = rest.iter().zip(column).map(|(x, l)| *x * *l).sum();
-                    *pivot = (*pivot - sum) / *diagonal;
+                    *pivot = (*pivot - dot(rest, column)) / *diagonal;
                 }
             }
             front.scatter(&local, &mut x);
         }
         x
     }
+}
+
+/// Sum of products, in four sums that do not wait for each other.
+fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = a.remainder().iter().zip(b.remainder());
+    let rest: T = rest.map(|(a, b)| *a * *b).sum();
+    let mut sums = [T::default(); 4];
+    for (a, b) in a.zip(b) {
+        let both = a.iter().zip(b);
+        sums.iter_mut()
+            .zip(both)
+            .for_each(|(sum, (a, b))| *sum += *a * *b);
+    }
+    sums.into_iter().sum::<T>() + rest
 }
 
 /// Number of entries of the lower half of a symmetric matrix.
@@ -165,8 +184,6 @@ struct Unknown {
     uses: u32,
     /// Number of elements of the current set with this unknown. Zero between fronts.
     seen: u32,
-    /// Position of the unknown in the current front.
-    place: usize,
 }
 
 /// Boundary of a set: unknowns, each with the number of elements of the set that have it.
@@ -180,13 +197,13 @@ impl Builder {
             .map_or_else(T::default, act)
     }
 
-    /// Creates the fronts of a set of elements, each given with the index at which its entries
-    /// start; the last front is that of the whole set. Returns the set's boundary.
-    fn dissect(&mut self, set: &mut [(&Element<'_>, usize)]) -> Boundary {
+    /// Creates the fronts of a set of elements; the last front is that of the whole set. Returns the
+    /// set's boundary.
+    fn dissect(&mut self, set: &mut [(&Element<'_>, Source)]) -> Boundary {
         if set.len() <= LEAF {
-            let terms = set.iter().map(|(element, start)| {
+            let terms = set.iter().map(|(element, source)| {
                 let uses = element.unknowns.iter().map(|&number| (number, 1));
-                (Source::Element(*start), uses.collect())
+                (*source, uses.collect())
             });
             return self.front(terms.collect());
         }
@@ -209,9 +226,9 @@ impl Builder {
     }
 
     /// Number of unknowns that the two halves of a set share.
-    fn shared(&mut self, set: &[(&Element<'_>, usize)]) -> usize {
+    fn shared(&mut self, set: &[(&Element<'_>, Source)]) -> usize {
         let (low, high) = set.split_at(set.len() / 2);
-        let unknowns_of = |half: &[(&Element<'_>, usize)]| {
+        let unknowns_of = |half: &[(&Element<'_>, Source)]| {
             let of_all = half.iter().flat_map(|(element, _)| element.unknowns);
             of_all.copied().collect::<Vec<u32>>()
         };
@@ -255,40 +272,69 @@ impl Builder {
             .iter()
             .map(|&number| (number, self.at(number, |unknown| unknown.seen)))
             .collect();
-        for (place, &number) in numbers.iter().enumerate() {
-            self.at(number, |unknown| {
-                unknown.place = place;
-                unknown.seen = 0;
-            });
+        for &number in &numbers {
+            self.at(number, |unknown| unknown.seen = 0);
         }
-        let terms = terms
-            .into_iter()
-            .map(|(source, boundary)| Term {
-                source,
-                places: boundary
-                    .iter()
-                    .map(|&(number, _)| self.at(number, |unknown| unknown.place))
-                    .collect(),
-            })
-            .collect();
+        let terms = terms.into_iter().map(|(source, _)| Term {
+            source,
+            places: Vec::new(),
+        });
         self.fronts.push(Front {
             unknowns: numbers,
             pivots,
-            terms,
+            terms: terms.collect(),
         });
         boundary
     }
 }
 
+/// Puts the unknowns of each front in their order of elimination, and finds the places of its terms.
+/// A front's boundary is then in the same order in the front that it is added to, so that its columns
+/// are added to columns.
+fn order(fronts: &mut [Front], elements: &[Element<'_>], unknowns: usize) {
+    let mut steps = vec![0; unknowns];
+    let pivots = fronts.iter();
+    let pivots = pivots.flat_map(|front| front.unknowns.iter().take(front.pivots));
+    for (step, &number) in pivots.enumerate() {
+        if let Some(of_unknown) = steps.get_mut(number as usize) {
+            *of_unknown = step;
+        }
+    }
+    let mut places = vec![0; unknowns];
+    for index in 0..fronts.len() {
+        let (before, rest) = fronts.split_at_mut(index);
+        let Some(front) = rest.first_mut() else {
+            return;
+        };
+        front
+            .unknowns
+            .sort_unstable_by_key(|&number| steps.get(number as usize));
+        for (place, &number) in front.unknowns.iter().enumerate() {
+            if let Some(of_unknown) = places.get_mut(number as usize) {
+                *of_unknown = place;
+            }
+        }
+        for term in &mut front.terms {
+            let numbers = match term.source {
+                Source::Element { index, .. } => elements.get(index).map(|element| element.unknowns),
+                Source::Front(index) => before.get(index).map(Front::boundary),
+            };
+            let numbers = numbers.unwrap_or(&[]).iter();
+            let place = |number: &u32| places.get(*number as usize).copied().unwrap_or(0);
+            term.places = numbers.map(place).collect();
+        }
+    }
+}
+
 /// Moves the half of a set whose centres are lower along an axis to the beginning of the slice.
-fn halve(set: &mut [(&Element<'_>, usize)], axis: usize) {
+fn halve(set: &mut [(&Element<'_>, Source)], axis: usize) {
     set.select_nth_unstable_by(set.len() / 2, |(a, _), (b, _)| {
         a.centre[axis].total_cmp(&b.centre[axis])
     });
 }
 
 /// The axis along which the centres of the elements extend farthest.
-fn widest_axis(set: &[(&Element<'_>, usize)]) -> usize {
+fn widest_axis(set: &[(&Element<'_>, Source)]) -> usize {
     let width = |axis: usize| {
         let along = set.iter().map(|(element, _)| element.centre[axis]);
         along.clone().fold(f64::MIN, f64::max) - along.fold(f64::MAX, f64::min)
@@ -303,7 +349,7 @@ impl Front {
         for term in &self.terms {
             let size = term.places.len();
             match term.source {
-                Source::Element(start) => {
+                Source::Element { start, .. } => {
                     let rows = (0..size).map(|row| start + triangle(row));
                     for (row, (start, &i)) in rows.zip(&term.places).enumerate() {
                         let row = entries.get(start..=start + row).unwrap_or(&[]);
@@ -320,14 +366,23 @@ impl Front {
                     for (k, (column, &j)) in
                         boundary.chunks(size.max(1)).zip(&term.places).enumerate()
                     {
-                        for (entry, &i) in column.iter().zip(&term.places).skip(k) {
-                            sum.add(i, j, *entry);
+                        let below = column.iter().zip(&term.places).skip(k);
+                        let target = sum.column(j);
+                        for (entry, &i) in below {
+                            if let Some(target) = target.get_mut(i - j) {
+                                *target += *entry;
+                            }
                         }
                     }
                 }
             }
         }
         sum
+    }
+
+    /// Numbers of the unknowns that are not eliminated here.
+    fn boundary(&self) -> &[u32] {
+        self.unknowns.get(self.pivots..).unwrap_or(&[])
     }
 
     /// The columns that were eliminated in this front.
@@ -359,6 +414,8 @@ impl Front {
 /// The lower half of a symmetric matrix, column by column, with zeros above the diagonal.
 struct Dense<T> {
     size: usize,
+    /// Number of unknowns to be eliminated.
+    count: usize,
     /// The columns of the unknowns to be eliminated.
     pivots: Vec<T>,
     /// The rows and columns of the boundary's unknowns.
@@ -370,22 +427,26 @@ impl<T: Scalar> Dense<T> {
         let outer = size - pivots;
         Self {
             size,
+            count: pivots,
             pivots: vec![T::default(); size * pivots],
             boundary: vec![T::default(); outer * outer],
         }
     }
 
+    /// A column from its diagonal on.
+    fn column(&mut self, column: usize) -> &mut [T] {
+        let (entries, length, column) = match column.checked_sub(self.count) {
+            None => (&mut self.pivots, self.size, column),
+            Some(column) => (&mut self.boundary, self.size - self.count, column),
+        };
+        let column = column * length + column..(column + 1) * length;
+        entries.get_mut(column).unwrap_or(&mut [])
+    }
+
     /// Adds to the entry in a row and a column, given in either order.
     fn add(&mut self, row: usize, column: usize, value: T) {
         let (row, column) = (row.max(column), row.min(column));
-        let at = column * self.size + row;
-        if let Some(entry) = self.pivots.get_mut(at) {
-            *entry += value;
-            return;
-        }
-        let pivots = self.pivots.len() / self.size;
-        let at = (column - pivots) * (self.size - pivots) + row - pivots;
-        if let Some(entry) = self.boundary.get_mut(at) {
+        if let Some(entry) = self.column(column).get_mut(row - column) {
             *entry += value;
         }
     }
@@ -393,8 +454,7 @@ impl<T: Scalar> Dense<T> {
     /// Eliminates the pivots: their columns become columns of the factor, and the boundary's matrix
     /// becomes the term that the parent's front adds.
     fn eliminate(&mut self) -> Result<(), NotPositive> {
-        let size = self.size.max(1);
-        let count = self.pivots.len() / size;
+        let (size, count) = (self.size.max(1), self.count);
         for k in 0..count {
             let (done, rest) = self.pivots.split_at_mut(k * size);
             let column = rest.get_mut(k..size).unwrap_or(&mut []);

@@ -25,6 +25,7 @@ mod judge;
 mod newton;
 mod part_force;
 mod pieces;
+mod reference;
 mod scalar;
 mod sharpen;
 mod small_signal;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::assembly::{Level, Local};
+use super::assembly::{Level, Local, add_product};
 use super::cholesky::{Dissection, Element, Factor, NotPositive};
 use super::fixed::Fixed;
 use crate::element::shape::Placed;
@@ -83,7 +83,8 @@ impl Pattern {
         for (index, unknowns) in level.space.unknowns.iter().enumerate() {
             let of_triangle = match fixed.of_triangle(index) {
                 Some(known) => {
-                    known.residual_at(unknowns, w, &mut local.residual);
+                    local.residual.clone_from(&known.residual);
+                    add_product(&known.tangent, unknowns, w, &mut local.residual);
                     &known.tangent
                 }
                 _ => {

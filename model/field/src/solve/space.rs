@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::cholesky::Element;
+use super::reference::Reference;
 use crate::element::Basis;
 use crate::element::basis::BasisValues;
 use crate::element::shape::Placed;
@@ -28,8 +29,8 @@ pub struct Space {
     pub(super) straight: Vec<bool>,
     /// Points of integration, with weights for a triangle of area 1.
     pub samples: Vec<(BasisValues, f64)>,
-    /// As few points of integration as are exact for straight triangles of linear material.
-    pub(super) few_samples: Vec<(BasisValues, f64)>,
+    /// Integrals for straight triangles of linear material.
+    pub(super) reference: Reference,
 }
 
 impl Space {
@@ -78,7 +79,8 @@ impl Space {
         // In a straight triangle of linear material the integrand is of degree 2p + 1. Curved
         // triangles and ν(B) get one point more.
         let order = basis.order() as usize;
-        let (few_samples, samples) = (samples(order + 1), samples(order + 2));
+        let reference = Reference::of(&basis, &samples(order + 1));
+        let samples = samples(order + 2);
         Self {
             mesh,
             basis,
@@ -87,7 +89,7 @@ impl Space {
             nodes,
             straight,
             samples,
-            few_samples,
+            reference,
         }
     }
 
