@@ -64,7 +64,7 @@ impl Solved {
 pub(super) const SHARE: f64 = 0.6;
 /// Longest side allowed on the first mesh for triangles at corners where the field is singular,
 /// relative to the radius of the circle that contains all parts (`Mesh::circle`).
-pub(super) const CORNER_SIZE: f64 = 0.004;
+const CORNER_SIZE: f64 = 0.004;
 /// Newton's method ends when its last step is less than the requested accuracy times this.
 const LAST_STEP: f64 = 0.1;
 /// Limit of the work for the greatest field in the plates, in unknowns times linear solves (5 s).

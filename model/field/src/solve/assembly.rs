@@ -74,7 +74,6 @@ impl Local {
             }
         }
     }
-
 }
 
 /// Adds the product of a tangent and `w` to a residual.

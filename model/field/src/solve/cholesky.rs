@@ -316,7 +316,9 @@ fn order(fronts: &mut [Front], elements: &[Element<'_>], unknowns: usize) {
         }
         for term in &mut front.terms {
             let numbers = match term.source {
-                Source::Element { index, .. } => elements.get(index).map(|element| element.unknowns),
+                Source::Element { index, .. } => {
+                    elements.get(index).map(|element| element.unknowns)
+                }
                 Source::Front(index) => before.get(index).map(Front::boundary),
             };
             let numbers = numbers.unwrap_or(&[]).iter();

@@ -26,10 +26,7 @@ pub(super) struct Reference {
 }
 
 /// Products of two functions, each given by its value and its slopes.
-fn products(
-    (p, [ps, pt]): (f64, [f64; 2]),
-    (q, [qs, qt]): (f64, [f64; 2]),
-) -> [f64; PRODUCTS] {
+fn products((p, [ps, pt]): (f64, [f64; 2]), (q, [qs, qt]): (f64, [f64; 2])) -> [f64; PRODUCTS] {
     [
         ps * qs,
         ps * qt + pt * qs,
@@ -50,7 +47,13 @@ impl Reference {
         for (sample, weight) in samples {
             let mut weights = cubic.sample(sample.at).values;
             weights.iter_mut().for_each(|value| *value *= weight);
-            let of_functions = || sample.values.iter().copied().zip(sample.slopes.iter().copied());
+            let of_functions = || {
+                sample
+                    .values
+                    .iter()
+                    .copied()
+                    .zip(sample.slopes.iter().copied())
+            };
             let products = of_functions().enumerate().flat_map(|(row, p)| {
                 let columns = of_functions().take(row + 1);
                 columns.map(move |q| products(p, q))
@@ -114,7 +117,10 @@ impl Reference {
     pub(super) fn subtract_current(&self, corners: [Point; 3], density: f64, residual: &mut [f64]) {
         let [a, b, c] = corners;
         let area = 0.5 * crate::geometry::cross(a, b, c).abs();
-        let factors: Vec<f64> = self.radii(corners).map(|r| density * area * r * r).collect();
+        let factors: Vec<f64> = self
+            .radii(corners)
+            .map(|r| density * area * r * r)
+            .collect();
         for (residual, integrals) in residual.iter_mut().zip(&self.functions) {
             *residual -= super::newton::dot(&factors, integrals);
         }
@@ -123,7 +129,9 @@ impl Reference {
     /// Distances of the nodes from the axis.
     fn radii(&self, corners: [Point; 3]) -> impl Iterator<Item = f64> {
         let [a, b, c] = corners.map(|corner| corner[0]);
-        self.nodes.iter().map(move |at| at[0] * a + at[1] * b + at[2] * c)
+        self.nodes
+            .iter()
+            .map(move |at| at[0] * a + at[1] * b + at[2] * c)
     }
 }
 
@@ -132,7 +140,9 @@ fn dot(a: &[f64; INTEGRALS], b: &[f64; INTEGRALS]) -> f64 {
     let mut sums = [0.0; 4];
     for (a, b) in a.chunks_exact(4).zip(b.chunks_exact(4)) {
         let both = a.iter().zip(b);
-        sums.iter_mut().zip(both).for_each(|(sum, (a, b))| *sum += a * b);
+        sums.iter_mut()
+            .zip(both)
+            .for_each(|(sum, (a, b))| *sum += a * b);
     }
     sums.iter().sum()
 }
