@@ -99,18 +99,33 @@ impl Mesh {
 
     /// Halves the triangles at singular corners until their longest side is at most `size`.
     pub fn refine_corners(&mut self, size: f64) {
+        self.refine_long(size, |mesh, triangle| {
+            let mut vertices = triangle.vertices.iter();
+            vertices.any(|vertex| mesh.corners.contains(vertex))
+        });
+    }
+
+    /// Halves the triangles on a part of the axis until their longest side is at most `size`.
+    pub fn refine_axis(&mut self, [from, to]: [f64; 2], size: f64) {
+        self.refine_long(size, |mesh, triangle| {
+            let places = mesh.corners_of(triangle);
+            !mesh.region(triangle).exterior
+                && places.iter().any(|place| place[0] == 0.0)
+                && places.iter().any(|place| place[1] >= from)
+                && places.iter().any(|place| place[1] <= to)
+        });
+    }
+
+    /// Halves some triangles until their longest side is at most `size`.
+    fn refine_long(&mut self, size: f64, counts: impl Fn(&Self, &Triangle) -> bool) {
         const MOST: usize = 60;
         for _ in 0..MOST {
             let long = |triangle: &Triangle| {
-                let at_corner = triangle
-                    .vertices
-                    .iter()
-                    .any(|vertex| self.corners.contains(vertex));
                 let lengths = triangle.edges().map(|edge| {
                     let [a, b] = edge.map(|vertex| self.position(vertex));
                     distance(a, b)
                 });
-                at_corner && lengths.into_iter().fold(0.0, f64::max) > size
+                lengths.into_iter().fold(0.0, f64::max) > size && counts(self, triangle)
             };
             let marked: Vec<bool> = self.triangles.iter().map(long).collect();
             if !marked.contains(&true) {

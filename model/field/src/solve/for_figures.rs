@@ -28,6 +28,11 @@ const CORNER_SIZE: f64 = 0.003;
 /// Newton's method ends when its last step is less than the root of the requested accuracy times
 /// this. The remaining error is about the square of the last step, and part of the estimate.
 const LAST_STEP: f64 = 0.1;
+/// Longest side allowed on the first mesh for triangles on the core's axis, relative to the core's
+/// length, if the field at the centre is wanted: it is that of single triangles, while all other
+/// figures are sums over many. Without this limit A, A10, C1in, closed, pot and 15 variants of B1 take
+/// 2.4 times as long together, with half of it 5 % longer.
+const AXIS_SIZE: f64 = 0.25;
 /// At each refinement, triangles are halved that together have this fraction of the total score.
 const SHARE: f64 = 0.4;
 /// With lower orders Newton's method ends when its last step is less than this: the next order
@@ -54,6 +59,10 @@ pub fn solve_for(
 ) -> Result<Solved, SolveError> {
     let mut mesh = mesh::build(design, mesh::MeshLines::WithCore)?;
     mesh.refine_corners(CORNER_SIZE * mesh.circle.radius);
+    if wanted.has(Figure::Centre) {
+        let [from, to] = design.core.x_m;
+        mesh.refine_axis([from, to], AXIS_SIZE * (to - from));
+    }
     let mut solver = Solver {
         design,
         excitation,
