@@ -2,7 +2,7 @@
 
 use palpate_wire::Command;
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Creep, Crosstalk, CurrentCorrection,
     DeformationCurve, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
     TemperatureEffect, Tip, TouchArray,
 };
@@ -105,6 +105,7 @@ parts! {
     13, 1, whole SetTip(Tip), _of => ONLY;
     18, 1, whole SetContact(ContactTolerance), _of => ONLY;
     19, 1, chunk SetTouchArray(TouchArray), of => ONLY;
+    20, 1, whole SetCreep(Creep), _of => ONLY;
     // The identity is last, since it is checked against all other parts, including those of later
     // versions.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;

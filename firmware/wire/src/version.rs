@@ -18,7 +18,7 @@ pub const VERSION: u8 = 2;
 /// It rises when a kind of record or command, or a number of an enumeration, is added, and restarts from
 /// 0 with a new major version. An older decoder counts an unknown kind with its header, and reads an
 /// unknown number as `Unknown`.
-pub const MINOR_VERSION: u8 = 7;
+pub const MINOR_VERSION: u8 = 8;
 
 /// Hash of the layout of all frames, sent in [`Hello`](crate::record::Hello).
 ///

@@ -19,6 +19,7 @@ use palpate_wire::{Command, Message, Record};
 
 use crate::Known;
 use crate::checks::{self, DataFault};
+use crate::creep::HELD_S;
 use crate::session::{BenchSample, Pressed, Run, Session};
 
 /// A bench with an instrument on it.
@@ -300,6 +301,8 @@ struct RunTask {
     speed_m_per_s: f64,
     /// Whether a train follows the press.
     train: bool,
+    /// Whether the press is held after the train, which shows the creep of the layers.
+    held: bool,
 }
 
 impl BenchPlan {
@@ -309,6 +312,7 @@ impl BenchPlan {
             depth_m,
             speed_m_per_s: self.speed_m_per_s,
             train: true,
+            held: false,
         }
     }
 
@@ -325,9 +329,17 @@ impl BenchPlan {
         let springs = self.springs_n_per_m.iter();
         let springs = springs.map(|&n_per_m| Pressed::Spring { n_per_m });
         let specimens = core::iter::once(Pressed::Block).chain(springs);
+        let (depth_held, spring_held) = (middle(&self.depths), middle(&self.springs_n_per_m));
+        let is_held = move |pressed| match pressed {
+            Pressed::Spring { n_per_m } => Some(n_per_m) == spring_held,
+            _ => true,
+        };
         let presses = specimens.flat_map(|pressed| {
             let depths = self.depths.iter();
-            depths.map(move |depth| with_train(pressed, depth * self.depth_m))
+            depths.map(move |depth| RunTask {
+                held: Some(*depth) == depth_held && is_held(pressed),
+                ..with_train(pressed, depth * self.depth_m)
+            })
         });
         core::iter::once(with_train(Pressed::Nothing, 0.0))
             .chain(presses)
@@ -342,6 +354,7 @@ impl BenchPlan {
             depth_m: times * (deepest * self.depth_m),
             speed_m_per_s: times * self.speed_m_per_s,
             train: false,
+            held: false,
         }
     }
 
@@ -349,6 +362,13 @@ impl BenchPlan {
     pub fn runs(&self) -> usize {
         self.tasks().len() + self.contact_tasks().len() + 1
     }
+}
+
+/// The lower median of these; `None` if there are none.
+fn middle(of: &[f64]) -> Option<f64> {
+    let mut sorted = of.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len().saturating_sub(1) / 2).copied()
 }
 
 fn run<E: From<BrokenOff>>(
@@ -373,6 +393,10 @@ fn run<E: From<BrokenOff>>(
     } else {
         run.began_s
     };
+    if task.held {
+        let end = Duration::from_secs_f64(run.began_s + HELD_S);
+        run_until(instrument, end, &mut run.lines)?;
+    }
     Ok(run.since(begin.as_secs_f64()))
 }
 

@@ -5,7 +5,8 @@ use super::commands::Findings;
 use super::curve::{PressCurve, frame, zero_shift_of};
 use super::session::{Pressed, Session};
 use super::{
-    Basis, Calibration, Crosstalk, Known, Unusable, actuated, claim, contact, samples, travel,
+    Basis, Calibration, Crosstalk, Known, Unusable, actuated, claim, contact, creep, samples,
+    travel,
 };
 
 /// Evaluates a session.
@@ -19,6 +20,7 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         crosstalk,
         fit,
         open,
+        frame_m_per_n,
     } = match known.load_cell_gain {
         Some(gain) => with_load_cell(session, &runs, &deepest_press, gain, known)?,
         None => by_springs(&runs, &deepest_press, known)?,
@@ -62,6 +64,12 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         zero_uncertainty_m,
     };
     let mut commands = findings.commands();
+    commands.extend(creep::command(
+        session,
+        &|change| force.at(change),
+        actuated.ratio,
+        (known.sensing_n_per_m, frame_m_per_n),
+    ));
     commands.extend(contact.map(|of| of.command(&actuated)));
     Ok(Calibration {
         commands,
@@ -110,6 +118,8 @@ struct Pressing {
     fit: actuated::Fit,
     /// Uncertainty of the bench.
     open: claim::BenchScatter,
+    /// Compliance of the bench's frame, m/N; 0 if it is unknown.
+    frame_m_per_n: f64,
 }
 
 fn with_load_cell(
@@ -135,6 +145,7 @@ fn with_load_cell(
             force: gain / 3_f64.sqrt(),
             frame_m_per_n: open_m_per_n,
         },
+        frame_m_per_n,
     })
 }
 
@@ -158,6 +169,7 @@ fn by_springs(
             force: uncertainty,
             frame_m_per_n: travel::FRAME_M_PER_N / 3_f64.sqrt(),
         },
+        frame_m_per_n: 0.0,
     })
 }
 

@@ -31,6 +31,7 @@ pub mod checks;
 mod claim;
 mod commands;
 mod contact;
+mod creep;
 mod crosstalk;
 mod curve;
 mod evaluation;

@@ -620,6 +620,18 @@ mod tests {
             reported.relaxation > 3.0 * reported.standard_error,
             "{reported:?}"
         );
+        // A spring does not relax: the bench's creep is subtracted, with less uncertainty than any.
+        let mut typical = instrument.clone();
+        let commands = &mut typical.calibration.commands;
+        commands.retain(|command| !matches!(command, Command::SetCreep(_)));
+        let [own, any] = [&instrument, &typical].map(|of| {
+            let spring = hold(of, 5.0, (named("2 s"), 0.0)).unwrap();
+            let (reported, _) = spring.relaxation.unwrap();
+            let standardised = reported.relaxation / reported.standard_error;
+            assert!(standardised.abs() < 3.0, "{reported:?}");
+            reported.standard_error
+        });
+        assert!(own < 0.4 * any, "{own} {any}");
         let lag = bend(&instrument, n_per_m, World::Lag).unwrap();
         assert!(
             is_refused_as(&lag.verdict, RefusalReason::Misfit),

@@ -74,7 +74,7 @@ pub(crate) mod tests {
 
     use palpate_wire::code::{Outcome, TipShape};
     use palpate_wire::command::{
-        Attraction, Coil, ContactTolerance, Crosstalk, CurrentCorrection, DeformationCurve,
+        Attraction, Coil, ContactTolerance, Creep, Crosstalk, CurrentCorrection, DeformationCurve,
         DeformationKnot, Springs, Stiffening, StiffeningCurve, StiffeningKnot, Tank,
         TemperatureCoefficients, TemperatureEffect, Tip, TouchArray,
     };
@@ -162,7 +162,7 @@ pub(crate) mod tests {
     }
 
     /// Commands for one item, the kind of its record, and bit errors in it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 15] {
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 16] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
@@ -289,6 +289,11 @@ pub(crate) mod tests {
                 })],
                 0x28,
                 vec![|of| invert(&mut of.contact.as_mut().unwrap().zero_uncertainty_m)],
+            ),
+            (
+                vec![Command::SetCreep(Creep::TYPICAL)],
+                0x2b,
+                vec![|of| invert(&mut of.creep.as_mut().unwrap().uncertainty)],
             ),
             (
                 array(),

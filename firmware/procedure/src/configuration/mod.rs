@@ -17,7 +17,7 @@ use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Creep, Crosstalk, CurrentCorrection,
     MAX_KNOTS, Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
     TemperatureEffect, Tip, TouchArray,
 };
@@ -53,6 +53,7 @@ pub struct Configuration {
     /// Stored and reported for hosts.
     tip: Option<Tip>,
     contact: Option<ContactTolerance>,
+    creep: Option<Creep>,
     array: Option<ActiveArray>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
@@ -168,6 +169,7 @@ impl Default for Configuration {
             temperature_coefficients: None,
             tip: None,
             contact: None,
+            creep: None,
             array: None,
             identity: None,
             assembly: None,
@@ -232,6 +234,11 @@ impl Configuration {
     /// Returns the array of coils.
     pub(crate) const fn array(&self) -> Option<&ActiveArray> {
         self.array.as_ref()
+    }
+
+    /// Returns the creep of the layers: that of this sensor or, where it was not calibrated, of any.
+    pub(crate) fn creep(&self) -> Creep {
+        self.creep.clone().unwrap_or(Creep::TYPICAL)
     }
 
     /// Returns the stated tolerance of the contact's place, m; `None` if there is none.
@@ -345,6 +352,10 @@ impl Configuration {
             }
             Command::SetContact(tolerance) => {
                 self.contact = Some(tolerance.clone());
+                Outcome::Accepted
+            }
+            Command::SetCreep(creep) => {
+                self.creep = Some(creep.clone());
                 Outcome::Accepted
             }
             Command::SetCalibrationIdentity(identity) => {

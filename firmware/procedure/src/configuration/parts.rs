@@ -4,7 +4,7 @@ use palpate_wire::Command;
 use palpate_wire::code::Part;
 
 /// Parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 15] = [
+pub(super) const PARTS: [Part; 16] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -19,6 +19,7 @@ pub(super) const PARTS: [Part; 15] = [
     Part::Tip,
     Part::Contact,
     Part::TouchArray,
+    Part::Creep,
     // Last, since it is checked against all others.
     Part::CalibrationIdentity,
 ];
@@ -79,6 +80,7 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
         Command::SetTip(_) => part == Part::Tip,
         Command::SetContact(_) => part == Part::Contact,
         Command::SetTouchArray(_) => part == Part::TouchArray,
+        Command::SetCreep(_) => part == Part::Creep,
         _ => false,
     }
 }
@@ -87,7 +89,7 @@ pub(super) fn sets(command: &Command, number: usize) -> bool {
 /// it, except the tip, which is not calibrated, and the array, which is calibrated by itself.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
-        SetAttraction, SetCalibrationIdentity, SetCoil, SetContact, SetCrosstalk,
+        SetAttraction, SetCalibrationIdentity, SetCoil, SetContact, SetCreep, SetCrosstalk,
         SetCurrentCorrection, SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve,
         SetTank, SetTemperatureCoefficients, SetTemperatureEffect,
     };
@@ -105,6 +107,7 @@ pub(super) const fn touches_the_identity(command: &Command) -> bool {
             | SetCurrentCorrection(_)
             | SetTemperatureCoefficients(_)
             | SetContact(_)
+            | SetCreep(_)
             | SetCalibrationIdentity(_)
     )
 }

@@ -100,6 +100,7 @@ impl Configuration {
             Command::SetTemperatureCoefficients(of) => Record::TemperatureCoefficients(of),
             Command::SetTip(of) => Record::Tip(of),
             Command::SetContact(of) => Record::Contact(of),
+            Command::SetCreep(of) => Record::Creep(of),
             Command::SetTouchArray(of) => Record::TouchArray(of),
             Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
@@ -144,6 +145,7 @@ impl Configuration {
             }
             Part::Tip => Command::SetTip(self.tip.clone()?),
             Part::Contact => Command::SetContact(self.contact.clone()?),
+            Part::Creep => Command::SetCreep(self.creep.clone()?),
             Part::CalibrationIdentity => Command::SetCalibrationIdentity(self.identity.clone()?),
             _ => return None,
         })

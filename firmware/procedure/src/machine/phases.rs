@@ -297,7 +297,7 @@ impl Procedure {
         }
         match outcome {
             MeasurementOutcome::Estimate(report) => {
-                self.held = measurement.held(&report.estimate);
+                self.held = measurement.held(&report.estimate, self.configuration.creep());
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {
                     report,

@@ -10,7 +10,7 @@ use crate::support::sensor::Sensor;
 use palpate_procedure::Action;
 use palpate_wire::code::{Outcome, Part, State};
 use palpate_wire::command::{
-    CurrentCorrection, GetCalibration, Settings, StiffeningCurve, StiffeningKnot, TouchArray,
+    Creep, CurrentCorrection, GetCalibration, Settings, StiffeningCurve, StiffeningKnot, TouchArray,
 };
 use palpate_wire::record::Status;
 use palpate_wire::{Command, Message, Record};
@@ -109,6 +109,7 @@ fn what_was_set_is_read_back_and_numbered() {
     sent.push(tip());
     sent.push(contact(0.004, 2e-6));
     sent.extend(array(&array_numbers()));
+    sent.push(Command::SetCreep(Creep::TYPICAL));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -148,6 +149,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
         Record::Tip(of) => Some(Command::SetTip(of)),
         Record::Contact(of) => Some(Command::SetContact(of)),
+        Record::Creep(of) => Some(Command::SetCreep(of)),
         Record::TouchArray(of) => Some(Command::SetTouchArray(of)),
         _ => None,
     };

@@ -115,6 +115,8 @@ codes! {
         Contact = 0x28 "contact",
         /// Array of coils for place, force and radius of a press.
         TouchArray = 0x29 "touch_array",
+        /// Creep of the sensor's layers.
+        Creep = 0x2B "creep",
     }
 
     /// What the readings of an array of coils say.

@@ -170,6 +170,30 @@ structure! {
 }
 
 structure! {
+    /// Creep of the sensor's layers: growth of a layer's deformation at the same force, relative to the
+    /// deformation, while its age grows by a factor of e. Without this part both layers are assumed to
+    /// creep by 0.018, with a standard uncertainty of 0.0104.
+    pub struct Creep {
+        /// Creep of the sensing layer.
+        sensing: f32 ["1", -0.1, 0.2],
+        /// Creep of the actuated layer, with what the coil's heat adds to it.
+        actuated: f32 ["1", -0.1, 0.2],
+        /// Standard uncertainty of either.
+        uncertainty: f32 ["1", 0, 0.2],
+    }
+}
+
+impl Creep {
+    /// Creep of a sensor on which it was not measured: three modes of 6 % each, averaged over the times
+    /// from 0.05 to 1000 s (sim-host/stacks/disturbances.toml), and from zero to twice as much.
+    pub const TYPICAL: Self = Self {
+        sensing: 0.018,
+        actuated: 0.018,
+        uncertainty: 0.0104,
+    };
+}
+
+structure! {
     /// Identity of the active calibration.
     pub struct CalibrationIdentity {
         /// Number from the calibrating program.

@@ -13,8 +13,8 @@ mod settings;
 mod touch;
 
 pub use calibration::{
-    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, Springs, Stiffening, Tank,
-    TemperatureCoefficients, TemperatureEffect, Tip,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Creep, Crosstalk, Springs, Stiffening,
+    Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 pub use current::{CurrentCorrection, MAX_POINTS};
 pub use curve::{
@@ -116,6 +116,8 @@ messages! {
             /// Calibrates an array of coils for place, force and radius of a press, chunk by chunk: it
             /// then learns the reading of the untouched sensor, and sends `touch`. Not while armed.
             SetTouchArray(TouchArray) = 0xA9 "set_touch_array",
+            /// Calibrates the creep of the sensor's layers. Not while armed.
+            SetCreep(Creep) = 0xAB "set_creep",
         }
     }
 }

@@ -101,9 +101,8 @@ structure! {
     /// How much further the pressed object, with what it stands on, gives way at the same force. A
     /// press that moves, as in a hand, looks the same.
     ///
-    /// The sensor itself creeps by 1.8 % of the deformation for each e-fold of the press's age, with a
-    /// standard uncertainty of 1.04 % for each of its layers: the first is subtracted, the second is
-    /// most of the standard error.
+    /// The sensor's own creep, by the part `creep`, is subtracted; its uncertainty is most of the standard
+    /// error where the object hardly relaxes.
     pub struct Relaxation {
         /// Number of the measurement since the start, from 1.
         measurement: u32,

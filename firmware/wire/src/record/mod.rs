@@ -2,7 +2,7 @@
 
 use crate::Message;
 use crate::command::{
-    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, CurrentCorrection,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Creep, Crosstalk, CurrentCorrection,
     DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve, Tank,
     TemperatureCoefficients, TemperatureEffect, Tip, TouchArray,
 };
@@ -102,6 +102,8 @@ messages! {
             TouchArray(TouchArray) = 0x29 "touch_array",
             /// Place, force and contact radius of a press: with an array, for every scan of its coils.
             Touch(Touch) = 0x2A "touch",
+            /// Creep of the sensor's layers: answer to `get_calibration`.
+            Creep(Creep) = 0x2B "creep",
         }
     }
 }

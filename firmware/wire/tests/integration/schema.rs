@@ -27,6 +27,7 @@ fn the_layout_belongs_to_its_version() {
         (2, 5, 0x5E80_9B5C),
         (2, 6, 0x6539_D917),
         (2, 7, 0xD4BE_96D1),
+        (2, 8, 0xC507_E8F5),
     ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),

@@ -465,3 +465,20 @@ fn a_tilted_bench_widens_or_is_refused() {
         assert!((0.7..1.3).contains(&ratio), "{ratio}");
     }
 }
+
+/// Only a session whose presses are held shows the creep; earlier programs recorded others.
+#[test]
+fn creep_is_found_where_presses_are_held() {
+    let (session, known) = good();
+    let has_creep = |session: &Session| {
+        let commands = evaluate(session, known).unwrap().commands;
+        commands.iter().any(|of| matches!(of, Command::SetCreep(_)))
+    };
+    assert!(has_creep(session));
+    let mut earlier = session.clone();
+    for run in &mut earlier.runs {
+        let end_s = run.began_s + 1.5;
+        run.lines.retain(|line| line.time_s < end_s);
+    }
+    assert!(!has_creep(&earlier));
+}

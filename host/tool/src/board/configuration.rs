@@ -171,6 +171,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
         Record::TemperatureCoefficients(of) => Command::SetTemperatureCoefficients(of),
         Record::Tip(of) => Command::SetTip(of),
         Record::Contact(of) => Command::SetContact(of),
+        Record::Creep(of) => Command::SetCreep(of),
         Record::TouchArray(of) => Command::SetTouchArray(of),
         Record::CalibrationIdentity(of) => Command::SetCalibrationIdentity(of),
         _ => return None,
@@ -196,7 +197,8 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetCurrentCorrection(_)
         | Command::SetTemperatureCoefficients(_)
         | Command::SetTip(_)
-        | Command::SetContact(_) => (kind, 0, 0, 0),
+        | Command::SetContact(_)
+        | Command::SetCreep(_) => (kind, 0, 0, 0),
         // Comes last, since the device compares the identity with all other parts.
         Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,

@@ -7,7 +7,7 @@ use std::process::Output;
 use palpate_wire::Command as Set;
 use palpate_wire::code::TipShape;
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Coil, ContactTolerance, Crosstalk, DeformationCurve,
+    Attraction, CalibrationIdentity, Coil, ContactTolerance, Creep, Crosstalk, DeformationCurve,
     DeformationKnot, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect, Tip,
 };
 use palpate_wire::configuration_crc;
@@ -107,6 +107,7 @@ pub(crate) fn calibration() -> Vec<Set> {
             rise_uncertainty: 4e-3,
             zero_uncertainty_m: 2e-6,
         }),
+        Set::SetCreep(Creep::TYPICAL),
     ]);
     let identity = Set::SetCalibrationIdentity(CalibrationIdentity {
         id: 7,

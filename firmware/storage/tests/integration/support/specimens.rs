@@ -226,6 +226,7 @@ pub(crate) fn fullest() -> Vec<Command> {
             numbers: (first..80).take(NUMBERS_PER_CHUNK).map(f32::from).collect(),
         })
     }));
+    commands.push(Command::SetCreep(Creep::TYPICAL));
     commands.extend(identity);
     commands
 }

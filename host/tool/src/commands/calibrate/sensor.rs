@@ -12,7 +12,8 @@ use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, Part, StorageState, Stream};
 use palpate_wire::command::{
-    CalibrationIdentity, Coil, ContactTolerance, GetCalibration, Settings, TemperatureCoefficients,
+    CalibrationIdentity, Coil, ContactTolerance, Creep, GetCalibration, Settings,
+    TemperatureCoefficients,
 };
 use palpate_wire::{Command, Message, Record, configuration_crc};
 
@@ -428,7 +429,7 @@ pub(crate) fn put_in_force(
         link.send_accepted(command)?;
     }
     let before = configuration::read(link)?;
-    // A part cannot be removed; with zeros it has no effect.
+    // A part cannot be removed; with these values it has no effect.
     let without_effect = [
         Command::SetTemperatureCoefficients(TemperatureCoefficients {
             springs_per_k: 0.0,
@@ -440,6 +441,7 @@ pub(crate) fn put_in_force(
             rise_uncertainty: 0.0,
             zero_uncertainty_m: 0.0,
         }),
+        Command::SetCreep(Creep::TYPICAL),
     ];
     for part in without_effect {
         let has = |commands: &[Command]| commands.iter().any(|of| of.kind() == part.kind());

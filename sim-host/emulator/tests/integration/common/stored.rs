@@ -10,7 +10,7 @@ use palpate_wire::code::{
     Drift, FaultCode, Outcome, RebootTarget, StorageAction, StorageState, Stream, TipShape,
 };
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, ContactTolerance, Crosstalk, DeformationCurve,
+    Attraction, CalibrationIdentity, ContactTolerance, Creep, Crosstalk, DeformationCurve,
     DeformationKnot, KNOTS_PER_CHUNK, Reboot, Settings, Springs, Stiffening, Tank,
     TemperatureCoefficients, TemperatureEffect, Tip,
 };
@@ -121,6 +121,11 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
             rise_uncertainty: 4e-3,
             zero_uncertainty_m: 2e-6 * scale,
         }),
+        Command::SetCreep(Creep {
+            sensing: 0.01 * scale,
+            actuated: 0.02,
+            uncertainty: 0.002,
+        }),
     ]);
     let hash = configuration_crc(&commands[1..]);
     let tip = Command::SetTip(Tip {
@@ -134,8 +139,8 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
         support_m_per_n: 0.0,
         support_uncertainty: 0.0,
     });
-    // The order is that of the kinds; the contact, the last part so far, comes after the tip.
-    commands.insert(commands.len() - 1, tip);
+    // The order is that of the kinds; contact and creep, the last parts so far, come after the tip.
+    commands.insert(commands.len() - 2, tip);
     commands.push(Command::SetCalibrationIdentity(CalibrationIdentity {
         id: number,
         calibrated_at_s: 1_795_000_000 + number,
