@@ -395,7 +395,7 @@ fn run<E: From<BrokenOff>>(
     };
     if task.held {
         let end = Duration::from_secs_f64(run.began_s + HELD_S);
-        run_until(instrument, end, &mut run.lines)?;
+        run_until(instrument, end, &mut run.held)?;
     }
     Ok(run.since(begin.as_secs_f64()))
 }

@@ -34,7 +34,7 @@ pub(crate) fn command(
 ) -> Option<Command> {
     let point = |is_one: fn(Pressed) -> bool| {
         let mut runs = session.runs.iter();
-        let run = runs.find(|run| is_one(run.pressed) && is_held(run))?;
+        let run = runs.find(|run| is_one(run.pressed) && !run.held.is_empty())?;
         let compliance = run.pressed.compliance_m_per_n()? + frame_m_per_n;
         let kappa = compliance * sensing_n_per_m;
         let (grown, older) = growth(run, deformation)?;
@@ -51,11 +51,6 @@ pub(crate) fn command(
     creep.validate().is_ok().then_some(Command::SetCreep(creep))
 }
 
-fn is_held(run: &Run) -> bool {
-    let end_s = run.lines.last().map_or(0.0, |line| line.time_s);
-    end_s > run.began_s + HELD_S - MEAN_S
-}
-
 /// Growth of the deformation from before the train to the end of a run, and that of its mean age, as
 /// logarithms.
 fn growth(run: &Run, deformation: &dyn Fn(f64) -> f64) -> Option<(f64, f64)> {
@@ -64,7 +59,8 @@ fn growth(run: &Run, deformation: &dyn Fn(f64) -> f64) -> Option<(f64, f64)> {
     let level = |end_s: f64| {
         let (mut sum, mut count, mut integral) = (0.0, 0.0, 0.0);
         let mut from_s = Run::UNTOUCHED_S.1;
-        let until = run.lines.iter().filter(|line| line.time_s <= end_s);
+        let lines = run.lines.iter().chain(&run.held);
+        let until = lines.filter(|line| line.time_s <= end_s);
         for line in until.filter(|line| line.time_s > Run::UNTOUCHED_S.1) {
             integral += of(line) * (line.time_s - from_s);
             from_s = line.time_s;
@@ -76,7 +72,7 @@ fn growth(run: &Run, deformation: &dyn Fn(f64) -> f64) -> Option<(f64, f64)> {
         let mean = sum / count;
         (mean, integral / mean)
     };
-    let (before, after) = (level(run.began_s), level(run.lines.last()?.time_s));
+    let (before, after) = (level(run.began_s), level(run.held.last()?.time_s));
     let [grown, older] = [after.0 / before.0, after.1 / before.1].map(f64::ln);
     (grown.is_finite() && older > 0.0).then_some((grown, older))
 }
@@ -112,8 +108,11 @@ mod tests {
             }
         };
         let end_ms = (1e3 * (3.0 + held_s)) as u32;
+        let mut lines: Vec<_> = (1..end_ms).map(line).collect();
+        let held = lines.split_off(lines.len().min(4_300));
         Run {
-            lines: (1..end_ms).map(line).collect(),
+            lines,
+            held,
             began_s: 3.0,
             pressed_s: 1.0,
             ..Run::new(pressed, 0.3e-3)

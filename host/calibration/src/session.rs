@@ -68,6 +68,9 @@ pub struct Run {
     pub depth_m: f64,
     /// The samples, from before the touch to after the last ramp.
     pub lines: Vec<BenchSample>,
+    /// The samples of a press that is held after its train, up to 3 s after its request; none of others.
+    #[serde(default)]
+    pub held: Vec<BenchSample>,
     /// Time of the request of the train, s.
     pub began_s: f64,
     /// Start of the ramps, after the coil's test, s.
@@ -85,6 +88,7 @@ impl Run {
             pressed,
             depth_m,
             lines: Vec::new(),
+            held: Vec::new(),
             began_s: 0.0,
             ramps_s: 0.0,
             pressed_s: 0.0,
@@ -95,7 +99,7 @@ impl Run {
     /// Shifts all times so that they count from `moment_s`, the start of the run. In a run without
     /// a press the end of the movement becomes zero.
     pub fn since(mut self, moment_s: f64) -> Self {
-        for line in &mut self.lines {
+        for line in self.lines.iter_mut().chain(&mut self.held) {
             line.time_s -= moment_s;
             line.gauges_time_s -= moment_s;
         }
@@ -156,7 +160,7 @@ impl Session {
     pub fn without_load_cell(mut self) -> Self {
         let runs = self.runs.iter_mut().chain(&mut self.contact);
         let runs = runs.chain([&mut self.deepest_press]);
-        for line in runs.flat_map(|run| &mut run.lines) {
+        for line in runs.flat_map(|run| run.lines.iter_mut().chain(&mut run.held)) {
             line.force_n = None;
         }
         self.bare.clear();

@@ -126,8 +126,8 @@ pub(crate) fn calibration() -> Vec<Set> {
         support_m_per_n: 2e-5,
         support_uncertainty: 0.05,
     });
-    // The order is that of the kinds; the contact, the last part so far, comes after the tip.
-    commands.insert(commands.len() - 1, tip);
+    // The order is that of the kinds; contact and creep, the last parts so far, come after the tip.
+    commands.insert(commands.len() - 2, tip);
     commands.push(identity);
     commands
 }
