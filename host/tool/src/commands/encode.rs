@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
 }
 
 /// Names of commands in the order of sending a calibration.
-const ORDER: [&str; 15] = [
+const ORDER: [&str; 16] = [
     "set_settings",
     "set_tank",
     "set_deformation_curve",
@@ -59,6 +59,7 @@ const ORDER: [&str; 15] = [
     "set_temperature_coefficients",
     "set_tip",
     "set_contact",
+    "set_creep",
     "set_calibration_identity",
 ];
 
