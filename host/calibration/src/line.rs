@@ -89,7 +89,7 @@ impl Actuated {
     /// Zeger, Biometrika 73, 1986, p. 13).
     ///
     /// The scatter is that about a slow change: while the layers creep and warm, the slopes of the
-    /// falls change smoothly, alike in every train, by 2.5 % of W from the first fall to the last
+    /// falls change smoothly, by 2.5 % of W from the first fall to the last
     /// (simulated sensors of the design `ultrasoft`, seeds 2100001 to 2100050).
     pub(crate) fn standard_error(
         &self,
