@@ -182,7 +182,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(current_a) => Some(Drive::of(&design, Some(current_a))?),
         None => (design.has_standing_field()).then_some(Drive::Background),
     };
+    // In linear materials the constant field changes nothing.
+    let bends = design.parts.iter().any(|part| !part.material.is_linear());
     let about = drive
+        .filter(|_| bends)
         .map(|drive| drive.solve(&design, effort))
         .transpose()?;
     if let Some(about) = &about {
