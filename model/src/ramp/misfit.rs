@@ -2,7 +2,7 @@
 //! be straight.
 
 use super::{Coefficient, Fit, Term};
-use crate::math::{hypot, sqrt};
+use crate::math::sqrt;
 
 /// The bend of a fitted line: the relative change of its slope from the middle to an end of the
 /// ramp.
@@ -50,24 +50,26 @@ impl Bend {
 
     /// Standard uncertainty of kappa = c_S/c_L due to the bend. `scatter` is the factor by which
     /// the noise is larger than the fit states, `whole` is W = 1 + kappa + g. The mean contribution
-    /// of noise to the square of the bend is subtracted, and the square of `usual`, the bend of the
-    /// calibration's own trains: the error that goes with it is part of their scatter.
-    pub fn uncertainty(&self, whole: f32, scatter: f32, usual: f32) -> f32 {
-        let noise = self.relative.standard_error * scatter;
-        self.beyond(hypot(noise, usual)) * SLOPE_BY_BEND * whole
+    /// of noise to the square of the bend is subtracted.
+    pub fn uncertainty(&self, whole: f32, scatter: f32) -> f32 {
+        self.beyond(scatter) * SLOPE_BY_BEND * whole
     }
 
     /// Standard uncertainty of kappa due to the significant part of the bend only; a refusal may be
     /// based on it.
     pub fn significant_uncertainty(&self, whole: f32, scatter: f32) -> f32 {
-        let noise = self.relative.standard_error * (SIGNIFICANT * scatter);
-        self.beyond(noise) * SLOPE_BY_BEND * whole
+        self.beyond(SIGNIFICANT * scatter) * SLOPE_BY_BEND * whole
     }
 
-    /// Magnitude of the bend b beyond `expected`: sqrt(b^2 - expected^2).
-    fn beyond(&self, expected: f32) -> f32 {
-        let Coefficient { value, .. } = self.relative;
-        let beyond = (value - expected) * (value + expected);
+    /// Magnitude of the bend b beyond noise: sqrt(b^2 - (k sigma)^2), where k is `standard_errors`
+    /// and sigma the standard error of b.
+    fn beyond(&self, standard_errors: f32) -> f32 {
+        let Coefficient {
+            value,
+            standard_error,
+        } = self.relative;
+        let by_noise = standard_error * standard_errors;
+        let beyond = (value - by_noise) * (value + by_noise);
         sqrt(beyond.max(0.0))
     }
 }

@@ -155,7 +155,7 @@ fn answers_to(command: &Command) -> Vec<u8> {
         Command::GetSettings => named(&["settings"]),
         Command::GetStorage => named(&["storage"]),
         // Any part of the calibration.
-        Command::GetCalibration(_) => (0x11..=0x1C).chain([0x23, 0x28, 0x29]).collect(),
+        Command::GetCalibration(_) => (0x11..=0x1C).chain([0x23, 0x28, 0x29, 0x2B]).collect(),
         _ => Vec::new(),
     }
 }

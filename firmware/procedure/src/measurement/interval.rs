@@ -261,7 +261,10 @@ fn with_misfit(
     at: &OperatingPoint,
 ) -> Result<LoadRatio, Reason> {
     let whole = 1.0 + claim.value + at.actuated_ratio;
-    let misfit = bend.map_or(0.0, |bend| bend.significant_uncertainty(whole, scatter));
+    let of = |uncertainty: fn(&Bend, f32, f32) -> f32| {
+        bend.map_or(0.0, |bend| uncertainty(&bend, whole, scatter))
+    };
+    let misfit = of(Bend::significant_uncertainty);
     let allowed = LEAST_MISFIT.max(OF_USUAL_BEND * SLOPE_BY_BEND * usual);
     let limit = claim.standard_error.max(allowed * whole);
     // A misfit or limit of NaN is refused as well.
@@ -273,8 +276,7 @@ fn with_misfit(
         };
         return Err(Reason::new(reason, Some(misfit), Some(limit)));
     }
-    let further = bend.map_or(0.0, |bend| bend.uncertainty(whole, scatter, usual));
-    Ok(claim.with_uncertainty(further))
+    Ok(claim.with_uncertainty(of(Bend::uncertainty)))
 }
 
 fn operating_point(
