@@ -35,7 +35,7 @@ dask.config.set(
 def compute(command: list[str], file: str) -> str:
     """Computes a shard on a worker, with one thread, and returns its file."""
     environment = {**os.environ, "RAYON_NUM_THREADS": "1"}
-    # Dask sets it for its workers. With it `palpate` returns memory all the time, which takes 3 % longer.
+    # Dask sets it for its workers. With it `palpate` returns memory all the time, which takes 4 % of the time.
     environment.pop("MALLOC_TRIM_THRESHOLD_", None)
     # A shard that has lost its worker goes on: its output must not be a pipe to that worker. The next worker waits
     # for it.

@@ -51,7 +51,8 @@ impl Live {
         stream
     }
 
-    /// Sends a request with the token. Returns the connection and the first line of the answer, or how it ended without.
+    /// Sends a request with the token. Returns the connection, and the first line of the answer or how
+    /// the connection ended without one.
     pub(super) fn ask(&self, path: &str, headers: &str) -> (TcpStream, String) {
         let asked = Instant::now();
         let (mut stream, host) = (self.connect(), &self.address);
