@@ -13,7 +13,7 @@
 //! that are positive semidefinite and whose sum is definite. Such a matrix needs no pivoting
 //! either: its entries grow by less than 3 (Higham, Math. Comp. 67, 1591, 1998).
 
-use super::scalar::Scalar;
+use super::scalar::{Scalar, dot};
 use crate::geometry::Point;
 
 /// Largest number of elements in a set that is not divided further.
@@ -149,21 +149,6 @@ impl Dissection {
         }
         x
     }
-}
-
-/// Sum of products, in four sums that do not wait for each other.
-fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
-    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest = a.remainder().iter().zip(b.remainder());
-    let rest: T = rest.map(|(a, b)| *a * *b).sum();
-    let mut sums = [T::default(); 4];
-    for (a, b) in a.zip(b) {
-        let both = a.iter().zip(b);
-        sums.iter_mut()
-            .zip(both)
-            .for_each(|(sum, (a, b))| *sum += *a * *b);
-    }
-    sums.into_iter().sum::<T>() + rest
 }
 
 /// Number of entries of the lower half of a symmetric matrix.

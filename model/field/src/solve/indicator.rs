@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::assembly::{Level, along, combine, on_side};
-use super::newton::dot;
+use super::scalar::dot;
 use super::space::Space;
 use crate::element::shape::Placed;
 use crate::element::{Basis, quadrature};

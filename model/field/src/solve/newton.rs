@@ -5,6 +5,7 @@ use core::fmt;
 use super::assembly::{Level, Local, add_product};
 use super::cholesky::{Dissection, Element, Factor, NotPositive};
 use super::fixed::Fixed;
+use super::scalar::dot;
 use crate::element::shape::Placed;
 
 /// Reason why there is no solution.
@@ -249,8 +250,4 @@ fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
         if at.1 < 0.0 { low = at } else { high = at }
     }
     low.0.max(1e-3)
-}
-
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -5,6 +5,7 @@
 //! basis functions are linear in their slopes along two sides. So the matrix of every such triangle
 //! is a sum of the same 60 matrices, the integrals of L times a product of values or slopes.
 
+use super::scalar::dot;
 use crate::element::Basis;
 use crate::element::basis::BasisValues;
 use crate::geometry::Point;
@@ -122,7 +123,7 @@ impl Reference {
             .map(|r| density * area * r * r)
             .collect();
         for (residual, integrals) in residual.iter_mut().zip(&self.functions) {
-            *residual -= super::newton::dot(&factors, integrals);
+            *residual -= dot(&factors, integrals);
         }
     }
 
@@ -133,16 +134,4 @@ impl Reference {
             .iter()
             .map(move |at| at[0] * a + at[1] * b + at[2] * c)
     }
-}
-
-/// Sum of products, four at a time.
-fn dot(a: &[f64; INTEGRALS], b: &[f64; INTEGRALS]) -> f64 {
-    let mut sums = [0.0; 4];
-    for (a, b) in a.chunks_exact(4).zip(b.chunks_exact(4)) {
-        let both = a.iter().zip(b);
-        sums.iter_mut()
-            .zip(both)
-            .for_each(|(sum, (a, b))| *sum += a * b);
-    }
-    sums.iter().sum()
 }

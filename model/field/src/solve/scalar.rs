@@ -37,3 +37,18 @@ impl Scalar for Complex64 {
         (root.is_finite() && root.norm_sqr() > 0.0).then(|| root.inv())
     }
 }
+
+/// Sum of products, in four sums that do not wait for each other.
+pub(super) fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = a.remainder().iter().zip(b.remainder());
+    let rest: T = rest.map(|(a, b)| *a * *b).sum();
+    let mut sums = [T::default(); 4];
+    for (a, b) in a.zip(b) {
+        let both = a.iter().zip(b);
+        sums.iter_mut()
+            .zip(both)
+            .for_each(|(sum, (a, b))| *sum += *a * *b);
+    }
+    sums.into_iter().sum::<T>() + rest
+}

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use super::adapt::Solved;
 use super::assembly::At;
 use super::evaluate::Locator;
-use super::newton::dot;
+use super::scalar::dot;
 use crate::design::Design;
 use crate::element::quadrature::gauss;
 use crate::material::MU_0;
